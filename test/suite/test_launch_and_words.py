@@ -17,6 +17,8 @@ ROBOT = (ROOT / "docs/guide/own_robot.md").read_text(encoding="utf-8")
 WARNINGS = (ROOT / "docs/guide/warnings.md").read_text(encoding="utf-8")
 SOURCES = (
     "hc_estimator/hc_estimator/stream/sanity.py",
+    "hc_estimator/hc_estimator/stream/sign_checks.py",
+    "hc_estimator/hc_estimator/stream/exchanged.py",
     "hc_estimator/hc_estimator/stream/channel_checks.py",
     "hc_estimator/hc_estimator/stream/range_checks.py",
     "hc_estimator/hc_estimator/stream/stamp_checks.py",

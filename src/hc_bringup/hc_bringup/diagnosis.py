@@ -122,7 +122,7 @@ def diagnose(
     untouched = _too_few(samples) or _touches_nothing(samples)
     if untouched is not None:
         return Diagnosis((untouched,), None, (), 0.0)
-    findings = []
+    findings: list[Finding] = []
     treated: set[tuple[Check, str, float, float]] = set()
     spoilt = False
     before = samples.estimate()
@@ -137,6 +137,8 @@ def diagnose(
         if not doubts:
             break
         doubt = doubts[0]
+        if doubt.check is Check.EXCHANGED:  # every other word would be of the other channel
+            return Diagnosis((*findings, Finding(doubt.sentence)), None, (), 0.0)
         treated.add((doubt.check, doubt.channel, doubt.since_s, doubt.until_s))
         settings = samples.put_right(doubt)
         mended = bool(settings) or doubt.check is Check.ZERO_STEP

@@ -170,7 +170,7 @@ def recorded(recording: Recording, tip: TipSource | None = None) -> RunData | No
         estimator = f"{last.filter} on {last.state_space}"
         settings = {"contact_model": last.contact_model, **last.parameters}
         versions["hc_estimator that made the estimates"] = last.software_version
-    with open_bag(recording.path) as bag:
+    with open_bag(recording.path, recording.namespace) as bag:
         beside = _beside(bag, recording, stamps(table), table["sequence"], tip)
         versions |= {
             name: value for name, value in bag.custom_data.items() if name.endswith("version")
@@ -224,7 +224,7 @@ def of_series(
     """
     beside: dict[str, Any] = {"findings": tuple(recording.findings.lines())}
     if recording.is_bag:
-        with open_bag(recording.path) as bag:
+        with open_bag(recording.path, recording.namespace) as bag:
             beside = _beside(bag, recording, recording.stamps, recording.sequence, tip)
             beside |= {"events": None}
     elif tip is not None:
@@ -258,7 +258,7 @@ def tip_path(recording: Recording, tip: TipSource | None = None) -> TipPath | No
     """
     if not recording.is_bag:
         return None
-    with open_bag(recording.path) as bag:
+    with open_bag(recording.path, recording.namespace) as bag:
         found = _beside(bag, recording, recording.stamps[:0], recording.sequence[:0], tip)["tip"]
     assert found is None or isinstance(found, TipPath)
     return found

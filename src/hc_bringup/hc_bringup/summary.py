@@ -16,6 +16,7 @@ from hc_bringup.zero_words import Zeros
 from hc_estimator.stream.readings import MEANINGS, Check
 
 _UNUSABLE = {
+    Check.EXCHANGED.value: "force and displacement are exchanged",
     Check.SIGN.value: "the sign of a channel is wrong",
     Check.UNITS.value: "the unit of a channel is wrong",
     Check.TIMES.value: "the unit of the times is wrong",

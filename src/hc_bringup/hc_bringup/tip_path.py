@@ -76,7 +76,7 @@ def tip_of(bag: Bag, recording: Recording, source: TipSource | None) -> TipPath 
         BagError: if it is damaged.
     """
     name = source.topic.partition(":")[0] if source is not None and source.topic else TIP
-    topic = bag.topics.get(full_name(name))
+    topic = bag.topics.get(full_name(name, bag.namespace)) or bag.topics.get(full_name(name))
     if topic is None and name == TIP:
         if source is None:
             source = _pose_with_depth(bag, recording)

@@ -60,14 +60,16 @@ class Bag(ABC):
     Attributes:
         path: as given.
         paths: its files.
-        topics: topics by name, sorted.
+        topics: topics by name, sorted; of a bag of several arms those of one, and the common ones.
         custom_data: texts of the metadata.
+        namespace: of the arm, as /left; empty for names without.
     """
 
     path: Path
     paths: list[Path]
     topics: dict[str, Topic]
     custom_data: dict[str, str]
+    namespace: str = ""
 
     @property
     @abstractmethod

@@ -42,7 +42,7 @@ def events_of(bag: Bag) -> list[RecordedEvent] | None:
     Raises:
         BagError: if they are damaged.
     """
-    topic = bag.topics.get(full_name(EVENTS))
+    topic = bag.topics.get(full_name(EVENTS, bag.namespace))
     if topic is None or topic.definition.name != EVENT_TYPE:
         return None
     decode = decoder(topic.definition)

@@ -29,6 +29,8 @@ from hc_logger.metadata import (
     recorded_hashes,
 )
 from hc_logger.reader import BagReader
+from hc_logger.selection import full_name
+from hc_msgs_py.topics import ESTIMATE, ESTIMATES, SAMPLE, SAMPLES
 
 BLOCK_MESSAGES = 16_384
 _ADVICE = (
@@ -46,16 +48,40 @@ _ADVICE = (
 """By what rosbags and its libraries say: what helps; our recovery reads no such bag."""
 
 
-def open_bag(path: str | os.PathLike[str]) -> Bag:
+def open_bag(path: str | os.PathLike[str], namespace: str = "") -> Bag:
     """Open a bag of any kind that is supported.
 
     Args:
         path: bag folder or MCAP file.
+        namespace: of the arm that is looked at, as /left; empty for all topics.
 
     Raises:
         BagError: if there is none.
     """
-    path = Path(path)
+    bag = _opened(Path(path))
+    if namespace:
+        bag.namespace, bag.topics = namespace, _of_arm(bag.topics, namespace)
+    return bag
+
+
+def _of_arm(topics: dict[str, Topic], namespace: str) -> dict[str, Topic]:
+    """Return the topics without those in the namespaces of other arms."""
+    usual = {full_name(name) for name in (SAMPLE, SAMPLES, ESTIMATE, ESTIMATES)}
+    own = f"{namespace}/"
+    spaces = {own} | {
+        f"{name.removesuffix(ending)}/"
+        for name in topics
+        for ending in usual
+        if name.endswith(ending) and name != ending
+    }
+
+    def is_of_another(name: str) -> bool:
+        return max((s for s in spaces if name.startswith(s)), key=len, default=own) != own
+
+    return {name: topic for name, topic in topics.items() if not is_of_another(name)}
+
+
+def _opened(path: Path) -> Bag:
     if path.is_dir():
         information = read_information(path)
         if information is not None and (

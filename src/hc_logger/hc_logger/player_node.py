@@ -24,7 +24,7 @@ from hc_logger.type_names import FORCE_TYPE, POSITION_TYPES, SAMPLE_TYPE, SAMPLE
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.interface_class import UnknownInterfaceError, interface_class
 from hc_msgs_py.node_main import NodeStartError, run_node
-from hc_msgs_py.parameters import declare
+from hc_msgs_py.parameters import declare, refuse_unknown
 from hc_msgs_py.qos import KEPT_DEPTH
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import NODE_PLAYER
@@ -94,6 +94,7 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
                 **self._timing(),
             )
             self._controls = PlayerControls(self, self._playback, self.get_logger().info)
+            refuse_unknown(self)
         except (BagError, ValueError) as error:
             raise NodeStartError(str(error)) from error
         self._playback.prepare()

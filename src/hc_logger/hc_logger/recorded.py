@@ -133,6 +133,7 @@ class Recording:
         findings: bad rows and unreadable parts.
         contact_position_std_mm: standard deviation of the position that displacements count from,
             where it was looked for in this recording; else 0.
+        namespace: that the samples' topic is in, as /left; empty for that of one arm.
     """
 
     path: Path
@@ -144,6 +145,7 @@ class Recording:
     force_n: NDArray[np.float64]
     findings: Findings
     contact_position_std_mm: float = 0.0
+    namespace: str = ""
 
     @cached_property
     def estimates(self) -> NDArray[Any]:
@@ -241,7 +243,7 @@ class Recording:
     def _bag(self) -> Bag:
         if not self.is_bag:
             raise BagError(f"{self.path} is a CSV file: it holds no estimates")
-        return open_bag(self.path)
+        return open_bag(self.path, self.namespace)
 
 
 def only_topic(bag: Bag, type_name: str, usual: str) -> str | None:
@@ -251,8 +253,8 @@ def only_topic(bag: Bag, type_name: str, usual: str) -> str | None:
         BagError: if there are several and none is the usual one.
     """
     names = [t.name for t in bag.topics.values() if t.definition.name == type_name]
-    if full_name(usual) in names:
-        return full_name(usual)
+    if (expected := full_name(usual, bag.namespace)) in names:
+        return expected
     if len(names) > 1:
         # What belongs to one of them is in its namespace.
         own = names[0].removesuffix(full_name(usual))

@@ -40,13 +40,18 @@ TEXT_SUFFIXES = (".csv", ".tsv", ".tab", ".txt", ".dat", ".asc", ".prn", ".tra",
 
 
 def read_recording(
-    path: str | os.PathLike[str], *, topic: str = "", csv_options: CsvOptions | None = None
+    path: str | os.PathLike[str],
+    *,
+    topic: str = "",
+    namespace: str = "",
+    csv_options: CsvOptions | None = None,
 ) -> Recording:
     """Read a CSV file, a bag folder or an MCAP file, whole or cut off.
 
     Args:
         path: a file that ends in .csv (or another ending of text), a bag folder, or an .mcap file.
         topic: topic of the samples in a bag; empty takes the only one.
+        namespace: of the arm in a bag of several, as /left; empty takes that of the samples.
         csv_options: what is known of how a CSV file is written; None finds out.
 
     Raises:
@@ -54,7 +59,7 @@ def read_recording(
     """
     path = Path(path)
     if path.is_dir() or path.suffix.lower() == ".mcap":
-        return _read_bag(path, topic)
+        return _read_bag(path, topic, namespace)
     if not path.exists():
         raise BagError(f"{path} does not exist")
     if path.suffix.lower() in _JSON_SUFFIXES:
@@ -103,8 +108,8 @@ def _steps(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.diff(time_s)
 
 
-def _read_bag(path: Path, topic: str) -> Recording:
-    with open_bag(path) as reader:
+def _read_bag(path: Path, topic: str, namespace: str) -> Recording:
+    with open_bag(path, namespace) as reader:
         name = full_name(topic) if topic else sample_topic(reader)
         if name is None and has_sensors(reader):
             from hc_logger.sensors import read_sensors  # loads the estimator package
@@ -138,7 +143,16 @@ def _read_bag(path: Path, topic: str) -> Recording:
         displacement_mm,
         table[FORCE].copy(),
         findings_of(rows, np.diff(stamp), problems),
+        namespace=_namespace_of(name),
     )
+
+
+def _namespace_of(topic: str) -> str:
+    """Return the namespace of a topic of samples that is called as usual, else nothing."""
+    for usual in (full_name(SAMPLE), full_name(SAMPLES)):
+        if topic.endswith(usual):
+            return topic.removesuffix(usual)
+    return ""
 
 
 def sample_topic(bag: Bag) -> str | None:

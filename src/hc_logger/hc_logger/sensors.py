@@ -27,6 +27,7 @@ from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
 from hc_logger.recorded import Recording, findings_of
 from hc_logger.selection import full_name
+from hc_logger.sensor_clocks import why_no_pairs
 from hc_logger.type_names import (
     FORCE_TYPE,
     FRAMES_TYPE,
@@ -37,6 +38,8 @@ from hc_logger.type_names import (
 from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
 
 LONGEST_S = 1e9
+_FEW_PAIRS = 10
+"""Chance ones, where the stamps are of two clocks or stand still."""
 _FEW_OUTSIDE = 10
 """One sensor always begins before the other: nobody needs to hear of so few readings."""
 
@@ -128,6 +131,7 @@ def read_sensors(
         )
         samples: list[Merged] = []
         stamps_of: tuple[list[int], list[int]] = ([], [])  # of the forces, of the positions
+        received: tuple[list[int], list[int]] = ([], [])
         longest_ns = round(SHARE * 1e9 * pairing.maximum_gap_s)
         repeated = (Repeats(longest_ns), Repeats(longest_ns))
         for message in bag.messages({force_topic, position_topic}):
@@ -136,12 +140,14 @@ def read_sensors(
                     if force.held and repeated[0].is_one(stamp, value):
                         continue
                     stamps_of[0].append(stamp)
+                    received[0].append(message.log_time)
                     samples += merger.add_force(stamp, value, message.log_time)
             else:
                 for stamp, value in take_position(message.data):
                     if position.held and repeated[1].is_one(stamp, value):
                         continue
                     stamps_of[1].append(stamp)
+                    received[1].append(message.log_time)
                     samples += merger.add_displacement(stamp, value, message.log_time)
         samples += merger.flush()
         problems = list(bag.problems)
@@ -153,10 +159,16 @@ def read_sensors(
     ):
         if count:
             problems.append(f"{count} reading{'s'[: count > 1]} left out {text}")
+    if counters.unpaired + counters.late > len(samples):
+        topics = (force_topic, position_topic)
+        wait_ns = round(pairing.maximum_wait_s * NANOSECONDS)
+        if why := why_no_pairs(topics, stamps_of, received, wait_ns, force.time_offset_s):
+            problems.insert(0, why)
+            if len(samples) < _FEW_PAIRS:
+                samples = []
     if not samples:
-        raise BagError(
-            f"{path}: {force_topic} and {position_topic} give no sample: {'; '.join(problems)}"
-        )
+        why = "; ".join(problems) or "there is no reading of one of them at the time of the other"
+        raise BagError(f"{path}: {force_topic} and {position_topic} give no sample: {why}")
     notes = [
         f"force along {force.axis} of {force_topic}, displacement of {position_topic}"
         f"{_words(position, frame)}: mind their signs and zeros"

@@ -7,6 +7,7 @@ enforce those.
 
 from __future__ import annotations
 
+import difflib
 import weakref
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -18,6 +19,9 @@ from rclpy.parameter import Parameter
 
 from hc_msgs_py.ros_yaml import text_of_boolean
 from hc_msgs_py.specification import ParameterSpecification, setting
+
+MOST_NAMES = 40
+"""A node with more parameters is not listed whole in one line."""
 
 _declared: weakref.WeakKeyDictionary[Node, dict[str, ParameterSpecification]] = (
     weakref.WeakKeyDictionary()
@@ -87,6 +91,28 @@ def declare_specified(node: Node, specification: ParameterSpecification) -> Any:
 def declared(node: Node) -> Mapping[str, ParameterSpecification]:
     """Return what a node has declared here, by name."""
     return _declared.get(node, {})
+
+
+def refuse_unknown(node: Node) -> None:
+    """Refuse parameters that were given at start and that the node has not, which ROS passes over.
+
+    To be called once all are declared.
+
+    Raises:
+        ValueError: names the first, and the nearest that there is.
+    """
+    name = node.get_name()
+    # rclpy offers no public way to ask for the overrides of parameters that nobody declares.
+    for given in node._parameter_overrides:
+        if node.has_parameter(given) or given.startswith("qos_overrides."):
+            continue
+        names = sorted(declared(node))
+        listed = f"it has: {', '.join(names)}"
+        if len(names) > MOST_NAMES:
+            listed = f"docs/reference/parameters.md lists its {len(names)}"
+        close = difflib.get_close_matches(given, names, n=1)
+        hint = f"did you mean {close[0]}?" if close else listed
+        raise ValueError(f"unknown parameter {given} for node {name}: {hint}")
 
 
 def _descriptor(specification: ParameterSpecification) -> ParameterDescriptor:

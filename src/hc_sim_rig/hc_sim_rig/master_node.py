@@ -18,7 +18,7 @@ from std_srvs.srv import SetBool
 
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
-from hc_msgs_py.parameters import declare
+from hc_msgs_py.parameters import declare, refuse_unknown
 from hc_msgs_py.qos import NEWEST_QOS, SERVICE_QOS, SERVO_QOS
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import MASTER_MEASURED_CP, MASTER_MODEL, MASTER_SERVO_CF, NODE_MASTER
@@ -110,6 +110,7 @@ class MasterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         task = recorded_task(Path(motion), rate_hz) if motion else palpation_task(rate_hz)
         self._hand = SimulatedHand(settings, task, seed) if self._device == "simulated" else None
         self._link = declare_link(self, "master", seed)
+        refuse_unknown(self)
         self._side = MasterSide(settings, self._link, self._scale)
         self._side.warm_up()
         self._poses = DevicePoses(self._scale)

@@ -21,7 +21,7 @@ from std_srvs.srv import SetBool
 from hc_msgs_py.background import STARTING, BackgroundWork
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
-from hc_msgs_py.parameters import declare, declare_specified
+from hc_msgs_py.parameters import declare, declare_specified, refuse_unknown
 from hc_msgs_py.qos import SERVICE_QOS
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import NODE_INDENTER
@@ -62,6 +62,7 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._outputs = Outputs(
             self, with_sensors=options.side != "master", together=self._together
         )
+        refuse_unknown(self)
         self._outputs.set_scenario(options.scenario, self._rig.seed)
         self._outputs.take_settings(self._rig.settings())
         self._published_before = 0

@@ -20,7 +20,7 @@ from std_srvs.srv import SetBool
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.estimates_reader import EstimatesReader
 from hc_msgs_py.node_main import NodeStartError, run_node
-from hc_msgs_py.parameters import declare
+from hc_msgs_py.parameters import declare, refuse_unknown
 from hc_msgs_py.qos import ESTIMATE_QOS, SERVICE_QOS, SERVO_QOS
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import ESTIMATE, ESTIMATES, NODE_SLAVE, SLAVE_SETPOINT_CP
@@ -92,10 +92,11 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
             self, "start_paused", False, "begin only when ~/run is called with true", read_only=True
         )
         self._link = declare_link(self, "slave", seed)
+        self._outputs = Outputs(self, with_sensors=self._has_sensor, with_truth=True)
+        refuse_unknown(self)
         self._side = SlaveSide(settings, self._link, start_mm, seed)
         self._side.warm_up()
         self._models = ModelSource()
-        self._outputs = Outputs(self, with_sensors=self._has_sensor, with_truth=True)
         self._setpoint = self.create_publisher(PoseStamped, SLAVE_SETPOINT_CP, SERVO_QOS)
         self._setpoint_wanted = False
         self._pose = PoseStamped()

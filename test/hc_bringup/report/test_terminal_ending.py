@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from rich.text import Text
 
-from hc_bringup.commands.run import show_ending
 from hc_bringup.dashboard.columns import COLUMNS, INDEX
 from hc_bringup.report.contacts import WORTH_A_ROW, find_contacts
 from hc_bringup.report.palpation_map import MeasuredPlaces, StiffnessMap, fit_map, usual_map
 from hc_bringup.report.verdict import verdict
+from hc_bringup.run_ending import show_ending
 from hc_bringup.terminal.ending import _sentences, draw_depth, draw_profile, ending, is_scan
 from hc_bringup.tip_path import TipPath
 
@@ -98,10 +98,10 @@ def test_samples_of_two_publishers_make_no_picture(
     """Regression: a second rig in the domain, and "No lump along the way" of a mixed bag."""
     both = np.column_stack([np.arange(300), 8000 + np.arange(300)]).ravel().astype(np.uint64)
     recording = SimpleNamespace(sequence=both)
-    monkeypatch.setattr("hc_logger.recording.read_recording", lambda _path: recording)
+    monkeypatch.setattr("hc_bringup.run_ending.read_recording", lambda _path, **_: recording)
     felt = SimpleNamespace(contact=np.ones(600, bool), used=np.ones(600, bool))
-    monkeypatch.setattr("hc_bringup.run_data.recorded", lambda _recording: felt)
-    monkeypatch.setattr("hc_bringup.terminal.ending.ending", lambda *_: [Text("a picture")])
+    monkeypatch.setattr("hc_bringup.run_ending.recorded", lambda _recording: felt)
+    monkeypatch.setattr("hc_bringup.run_ending.ending", lambda *_: [Text("a picture")])
     show_ending(tmp_path)
     assert capsys.readouterr().out == (
         "no picture of this run: its bag holds the samples of several publishers, mixed\n"

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from hc_bringup import cli, heartbeat, last_resort, recording_input
+from hc_bringup.command_words import option_words, reading_words
 from hc_bringup.commands.contacts import add_rule_options, add_sites_option
 from hc_bringup.errors import WRONG_USE, UserError
-from hc_bringup.file_preset import CSV_OPTIONS
 from hc_bringup.options import natural
 from hc_bringup.wrapping import wrapped
 
@@ -192,15 +192,13 @@ def _engine(arguments: argparse.Namespace) -> Iterator[tuple[Any, int]]:
 def command_line(arguments: argparse.Namespace) -> list[str]:
     """Return the command line that makes these results again, on however many processes."""
     words = ["hc", "batch", *arguments.patterns]
-    for name in ("filter", "state_space", "contact_model", "tip", *CSV_OPTIONS):
-        words += _option(arguments, name, None)
+    for name in ("filter", "state_space", "contact_model", "tip"):
+        words += option_words(arguments, name)
     for name, value in arguments.param:
         words += ["--param", f"{name}={value}"]
     for name, values in arguments.sweep:
         words += ["--sweep", f"{name}={','.join(map(str, values))}"]
-    for name, value in arguments.sensors:
-        words += ["--input", f"{name}={value}"]
-    words += ["--find-surface"] * arguments.find_surface + ["--sites"] * arguments.sites
+    words += reading_words(arguments) + ["--sites"] * arguments.sites
     for name, usual in (
         ("estimates", ""),
         ("tip_axes", "xy"),
@@ -209,13 +207,8 @@ def command_line(arguments: argparse.Namespace) -> list[str]:
         ("minimum_duration", 0.05),
         ("release", 0.02),
     ):
-        words += _option(arguments, name, usual)
+        words += option_words(arguments, name, usual)
     return [*words, "-o", "DIR"]
-
-
-def _option(arguments: argparse.Namespace, name: str, usual: Any) -> list[str]:
-    value = getattr(arguments, name)
-    return [] if value == usual else [f"--{name.replace('_', '-')}", str(value)]
 
 
 def _tell(

@@ -8,6 +8,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from hc_bringup import recording_input
+from hc_bringup.command_words import reading_words
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import assignment, each_once
 
@@ -49,18 +51,18 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--recorded", action="store_true", help="compare with the estimates recorded in a bag too"
     )
+    recording_input.add_reading_options(parser)
     parser.add_argument("-o", "--output", required=True, metavar="PAGE.html", help="the page")
     parser.add_argument("--json", action="store_true", help="print the scores as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    from hc_bringup.prepared import prepare
     from hc_bringup.progress import status_line
     from hc_bringup.report.comparison import compare
     from hc_bringup.report.comparison_page import comparison_page
-    from hc_logger.errors import BagError
     from hc_logger.new_file import new_file
-    from hc_logger.recording import read_recording
 
     target = Path(arguments.output)
     if target.suffix.lower() != ".html":
@@ -68,13 +70,13 @@ def run(arguments: argparse.Namespace) -> int:
     if target.exists():
         raise UserError(f"{target} exists already: choose another file", WRONG_USE)
     variants = _variants(arguments)
-    try:
-        recordings = [read_recording(path) for path in arguments.inputs]
-    except (BagError, OSError) as error:
-        raise UserError(str(error)) from error
+    recordings = _recordings(arguments)
     with status_line() as say:
         table = compare(
-            recordings, variants, lambda done, number, what: say(f"{done} of {number}: {what}")
+            recordings,
+            variants,
+            lambda done, number, what: say(f"{done} of {number}: {what}"),
+            lambda estimator, given, recording: prepare(estimator, given, recording, arguments),
         )
     if not any(table):
         raise UserError("no recording holds estimates: name filters to compare", WRONG_USE)
@@ -84,8 +86,32 @@ def run(arguments: argparse.Namespace) -> int:
             file.write(page.encode("utf-8", "replace"))
     except OSError as error:
         raise UserError(f"cannot write {target}: {error.strerror or error}") from error
-    _tell(table, target, as_json=arguments.json)
+    _tell(table, recordings, target, as_json=arguments.json)
     return 0
+
+
+def _recordings(arguments: argparse.Namespace) -> list[Any]:
+    """Return the recordings, each read as the options say.
+
+    Raises:
+        UserError: if one cannot be read, or an option is not allowed.
+    """
+    recording_input.check(arguments)
+    if arguments.recorded and recording_input.is_given(arguments):
+        raise UserError(
+            "--recorded takes the estimates of the readings as they were recorded: leave it away, "
+            "or --input and --find-surface",
+            WRONG_USE,
+        )
+    several = len(arguments.inputs) > 1
+    recordings = []
+    for path in arguments.inputs:
+        one = argparse.Namespace(**vars(arguments), input=path)
+        try:
+            recordings.append(recording_input.load(one, one_of_many=several))
+        except OSError as error:
+            raise UserError(f"{path}: {error.strerror or error}") from error
+    return recordings
 
 
 def _variants(arguments: argparse.Namespace) -> list[Any]:
@@ -141,10 +167,11 @@ def _command_line(arguments: argparse.Namespace) -> list[str]:
         words += ["--param", f"{name}={value}"]
     if arguments.recorded:
         words.append("--recorded")
-    return [*words, "-o", str(arguments.output)]
+    return [*words, *reading_words(arguments), "-o", str(arguments.output)]
 
 
-def _tell(table: Any, target: Path, *, as_json: bool) -> None:
+def _tell(table: Any, read: list[Any], target: Path, *, as_json: bool) -> None:
+    """Print how each recording was read, what compares how, and where the page is."""
     from hc_bringup.report.comparison_page import winners
     from hc_bringup.summary import to_json
 
@@ -152,15 +179,18 @@ def _tell(table: Any, target: Path, *, as_json: bool) -> None:
         recordings = [
             {
                 "recording": entries[0].data.name,
+                "findings": recording.findings.lines(),
                 "scores": {e.variant.label: _plain(e.scores) for e in entries},
             }
-            for entries in table
+            for entries, recording in zip(table, read, strict=True)
             if entries
         ]
         print(to_json({"recordings": recordings, "written": str(target)}))
         return
-    for entries in table:
+    for entries, recording in zip(table, read, strict=True):
         if entries:
+            for line in recording.findings.lines():
+                print(f"{entries[0].data.name}: {line}")
             print(f"{entries[0].data.name}: {' '.join(winners(entries))}".rstrip(": "))
     print(f"written: {target}")
     sys.stdout.flush()

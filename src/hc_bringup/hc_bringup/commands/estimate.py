@@ -21,6 +21,7 @@ COMPILES = True
 _LINES_AT_ONCE = 4096
 LEAST_USED_SHARE = 0.02
 """Of the samples: a recording of which less can be used shows nothing of the tissue."""
+_NOTHING_KNOWN = 0.01
 _FIGURES = ("force_predicted_rmse_n", "force_reconstructed_rmse_n", "nis_mean")
 COLUMNS = (
     "time_s,displacement_mm,force_N,stiffness [N/mm^n],damping [N(s/mm)^p/mm^n],"
@@ -100,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.output is not None:
         _write(Path(arguments.output), recording, series)
     summary = summarise(estimator, recording, series, seconds)
-    reason = why_no_result(summary)
+    reason = why_no_result(summary, doubted=bool(suspicions))
     if reason:
         raise UserError(f"{arguments.input}: {reason}")
     summary["suspicions"] = [
@@ -182,10 +183,10 @@ def make_estimator(arguments: argparse.Namespace, recording: Any = None) -> Any:
     Raises:
         UserError: if a name or value is wrong; the message says what is allowed.
     """
+    from hc_bringup.prepared import prepare
     from hc_estimator import DEFAULT_FILTER, create_estimator
     from hc_estimator.contact.registry import PROBLEMS as LAW_PROBLEMS
     from hc_estimator.filters.registry import PROBLEMS
-    from hc_estimator.stream.vocabulary import CHANNEL_DELAY, CONTACT_POSITION_STD
 
     choices = {"state_space": arguments.state_space, "contact_model": arguments.contact_model}
     given = {key: value for key, value in choices.items() if value is not None}
@@ -196,13 +197,8 @@ def make_estimator(arguments: argparse.Namespace, recording: Any = None) -> Any:
     parameters.setdefault("missing_readings", True)
     try:
         estimator = create_estimator(arguments.filter or DEFAULT_FILTER, **given, **parameters)
-        deviation = 0.0 if recording is None else recording.surface_std_mm
-        left_open = estimator.configuration.keys() - parameters.keys()
-        if CONTACT_POSITION_STD in left_open:
-            estimator.reconfigure(**{CONTACT_POSITION_STD: deviation})
-        if CHANNEL_DELAY in left_open and recording is not None:
-            delay = recording_input.known_delay(arguments, recording)
-            estimator.reconfigure(channel_delay=delay)
+        if recording is not None:
+            prepare(estimator, parameters, recording, arguments)
         return estimator
     except ValueError as error:
         reason = str(error)
@@ -282,7 +278,7 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
     }
 
 
-def why_no_result(summary: dict[str, Any]) -> str:
+def why_no_result(summary: dict[str, Any], *, doubted: bool = False) -> str:
     """Say why a recording gave no parameters, empty if it gave some."""
     count = summary["samples"]
     if summary["used"] < LEAST_USED_SHARE * count:
@@ -296,6 +292,8 @@ def why_no_result(summary: dict[str, Any]) -> str:
             f"no contact in {count} samples: displacement counts from the surface, positive into "
             "the tissue, and compression is a positive force (see --find-surface and --input)"
         )
+    if not doubted and all(k < _NOTHING_KNOWN for k in summary["identifiability"].values()):
+        return f"the {count} samples show nothing of K, B, n and p: press, and move"
     results = [*summary["parameters"].values(), *summary["parameters_std"].values()]
     results += [summary[name] for name in _FIGURES]
     if not all(map(math.isfinite, results)):

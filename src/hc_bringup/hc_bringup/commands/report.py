@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from hc_bringup import recording_input
+from hc_bringup.command_words import reading_words
 from hc_bringup.commands import estimate
 from hc_bringup.errors import WRONG_USE, UserError
 
@@ -72,8 +73,4 @@ def command_line(arguments: argparse.Namespace) -> list[str]:
             words += [f"--{name.replace('_', '-')}", getattr(arguments, name)]
     for name, value in arguments.param:
         words += ["--param", f"{name}={value}"]
-    for name, value in arguments.sensors:
-        words += ["--input", f"{name}={value}"]
-    if arguments.find_surface:
-        words.append("--find-surface")
-    return [*words, "-o", str(arguments.output)]
+    return [*words, *reading_words(arguments), "-o", str(arguments.output)]

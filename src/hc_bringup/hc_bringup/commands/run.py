@@ -6,7 +6,6 @@ import argparse
 import dataclasses
 import json
 import os
-import shlex
 import sys
 from datetime import datetime
 from pathlib import Path
@@ -16,6 +15,7 @@ from hc_bringup import heartbeat
 from hc_bringup.commands import dashboard
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import assignment, natural, positive, seconds
+from hc_bringup.param_target import targets
 from hc_bringup.parameter_file import read_yaml
 from hc_msgs_py.parameter_sections import sections_for
 from hc_msgs_py.realtime import (
@@ -139,7 +139,9 @@ def run(arguments: argparse.Namespace) -> int:
     names = [node.name for node in plan.nodes]
     bag = conclude(state, names, bag, as_json=arguments.json, with_latency=True)
     if bag is not None and not arguments.json and state.elapsed_s <= LONGEST_PICTURED_S:
-        show_ending(bag)
+        from hc_bringup.run_ending import show_ending  # draws: nothing of it at the start
+
+        show_ending(bag, [one.namespace for one in plan.of_kind("estimator")])
     return 0
 
 
@@ -187,14 +189,7 @@ def given_parameters(plan: Any, arguments: argparse.Namespace) -> dict[str, dict
             found.setdefault(node.name, {})[name] = value
     names = [node.name for node in plan.nodes]
     for text, value in arguments.param:
-        node, separator, name = text.partition(".")
-        nodes = [node]
-        if not (separator and node in names):
-            nodes, name = [one.name for one in plan.of_kind("estimator")], text
-        if not nodes:
-            raise UserError(
-                f"--param {text}: the configuration starts {', '.join(names)}", WRONG_USE
-            )
+        nodes, name = targets(text, plan)
         for node in nodes:
             if name in found.setdefault(node, {}):
                 raise UserError(f"--param {text}: {name} is given twice", WRONG_USE)
@@ -230,45 +225,6 @@ def check_state_folders(plan: Any) -> None:
                 "state.folder of its own",
                 WRONG_USE,
             )
-
-
-def show_ending(bag: Path) -> None:
-    """Print a picture of what was felt, a sentence about it, and how to look closer."""
-    import numpy as np
-    from rich.console import Console
-
-    from hc_bringup.run_data import recorded
-    from hc_bringup.terminal.ending import ending
-    from hc_logger.errors import BagError
-    from hc_logger.info import counts
-    from hc_logger.recording import read_recording
-
-    console = Console(highlight=False)
-    try:
-        recording = read_recording(bag)
-        data = recorded(recording)
-    except (BagError, UserError) as error:
-        console.print(f"no picture of this run: {error}", soft_wrap=True, markup=False)
-        return
-    unordered = int(np.count_nonzero(np.diff(recording.sequence.astype(np.int64)) < 0))
-    if not counts(len(recording.sequence), unordered):
-        console.print(
-            "no picture of this run: its bag holds the samples of several publishers, mixed",
-            soft_wrap=True,
-            markup=False,
-        )
-        return
-    if data is None or not (data.contact & data.used).any():
-        return
-    console.print()
-    for line in ending(data, console.width):
-        console.print(line, soft_wrap=True)
-    name = shlex.quote(os.path.relpath(bag))
-    console.print(
-        f"Look closer: hc report {name} -o report.html    touch it yourself: hc run --control",
-        soft_wrap=True,
-        markup=False,
-    )
 
 
 def wants_page(arguments: argparse.Namespace) -> bool:

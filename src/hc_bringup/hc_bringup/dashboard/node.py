@@ -34,7 +34,7 @@ from hc_bringup.dashboard.taps import Taps
 from hc_bringup.paths import config_folder
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
-from hc_msgs_py.parameters import declare
+from hc_msgs_py.parameters import declare, refuse_unknown
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import NODE_DASHBOARD
 
@@ -114,6 +114,7 @@ class DashboardNode(Node):  # type: ignore[misc]  # rclpy ships no types
         bags = declare(
             self, "bags", "bags", "folder for recordings started from the page", read_only=True
         )
+        refuse_unknown(self)
         self._control, self._listen = control, listen
         bound = _bind(listen, port, fallback)
         self.port = bound.getsockname()[1]

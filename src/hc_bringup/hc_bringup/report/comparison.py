@@ -98,6 +98,7 @@ def compare(
     recordings: Sequence[Recording],
     variants: Sequence[Variant],
     note: Callable[[int, int, str], None] = lambda _done, _all, _what: None,
+    prepare: Callable[[Estimator, Mapping[str, Any], Recording], None] = lambda *_: None,
 ) -> list[list[Entry]]:
     """Run every recording through every variant; one list a recording.
 
@@ -106,6 +107,7 @@ def compare(
         variants: how to estimate; the one without a filter takes what was recorded, where there
             is something.
         note: told how far it is: done, all, what comes next.
+        prepare: called with each estimator, the variant's own settings and the recording.
 
     Raises:
         ValueError: names what is not allowed in a variant.
@@ -116,7 +118,7 @@ def compare(
         row: list[tuple[Variant, RunData, float]] = []
         for j, variant in enumerate(variants):
             note(i * len(variants) + j, number, f"{recording.path.name}, {variant.label}")
-            made = _made(recording, variant)
+            made = _made(recording, variant, prepare)
             if made is not None:
                 row.append((variant, *made))
         chosen = common_samples([data for _, data, _ in row])
@@ -155,13 +157,18 @@ def common_samples(runs: Sequence[RunData]) -> list[NDArray[np.bool_]]:
     return [counted[np.searchsorted(times, run.time_s)] for run in runs]
 
 
-def _made(recording: Recording, variant: Variant) -> tuple[RunData, float] | None:
+def _made(
+    recording: Recording,
+    variant: Variant,
+    prepare: Callable[[Estimator, Mapping[str, Any], Recording], None],
+) -> tuple[RunData, float] | None:
     """Return the run of a variant and what a step took [us]."""
     if not variant.filter:
         data = recorded(recording)
         seconds = math.nan
     else:
         estimator = variant.make()
+        prepare(estimator, variant.settings, recording)
         estimator.warm_up()
         start = time.thread_time()
         series = run_in_pieces(

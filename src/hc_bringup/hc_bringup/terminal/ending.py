@@ -70,7 +70,8 @@ def draw_profile(found: StiffnessMap, width: int) -> list[Text]:
         for colour, columns in groupby(range(width), key=colours.__getitem__):
             line.append("".join(blocks[column] for column in columns), style=colour)
         lines.append(line)
-    axis = f"{at[0]:.0f} mm".ljust(width // 2) + f"{at[-1]:.0f} mm".rjust(width - width // 2)
+    first, last = (round(float(end)) for end in (at[0], at[-1]))  # no "-0"
+    axis = f"{first} mm".ljust(width // 2) + f"{last} mm".rjust(width - width // 2)
     return [*lines, Text("  " + axis, style="dim")]
 
 

@@ -32,7 +32,7 @@ from hc_msgs_py.background import STARTING
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.histogram import DurationHistogram
 from hc_msgs_py.node_main import NodeStartError, run_node
-from hc_msgs_py.parameters import declare
+from hc_msgs_py.parameters import declare, refuse_unknown
 from hc_msgs_py.qos import ESTIMATE_QOS
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import NODE_ARRAY_ESTIMATOR, TACTILE_ESTIMATE, TACTILE_SAMPLE
@@ -99,6 +99,7 @@ class ArrayEstimatorNode(Node):  # type: ignore[misc]  # rclpy has no types
             minimum=0,
             maximum=1000,
         )
+        refuse_unknown(self)
         self._check_kind()
         self._failure: Exception | None = None
         self._skipped = self._undecodable = 0

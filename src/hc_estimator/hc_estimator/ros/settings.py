@@ -8,7 +8,6 @@ has. A setting that nobody gave follows the default of the filter in use.
 from __future__ import annotations
 
 import dataclasses
-import difflib
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -30,8 +29,7 @@ from hc_estimator.ros.node_settings import (
     NODE_SETTINGS,
 )
 from hc_estimator.ros.settings_meaning import check_together
-from hc_msgs_py.node_main import NodeStartError
-from hc_msgs_py.parameters import declare, declare_specified
+from hc_msgs_py.parameters import declare, declare_specified, refuse_unknown
 
 
 class Kind(NamedTuple):
@@ -66,13 +64,11 @@ class Settings:
             node: the estimator node; nothing of this may be declared yet.
 
         Raises:
-            NodeStartError: for a parameter that does not exist.
-            ValueError: for a value that is not allowed.
+            ValueError: for a parameter that does not exist or a value that is not allowed.
             rclpy.exceptions.ParameterException: the same, found by rclpy.
         """
         self._node = node
         self._values: dict[str, Any] = {}
-        # rclpy offers no public way to ask for the overrides of parameters that nobody declares.
         given = dict(node._parameter_overrides)
         self._declare_kind()
         self._specifications = _all_specifications()
@@ -81,7 +77,7 @@ class Settings:
             _declare_specification(node, own.get(name, specification), self._users(name))
         for setting in NODE_SETTINGS.values():
             declare_specified(node, setting)
-        self._refuse_unknown(given)
+        refuse_unknown(node)
         self._given = set(given)
         self._filled: frozenset[str] = frozenset()
         self._values = {name: _plain(node.get_parameter(name).value) for name in self.names}
@@ -214,14 +210,6 @@ class Settings:
             if any(s.name == name for s in specifications)
         )
         return "" if len(users) == len(available_filters()) else ", ".join(users)
-
-    def _refuse_unknown(self, given: Mapping[str, Any]) -> None:
-        for name in given:
-            if self._node.has_parameter(name) or name.startswith("qos_overrides."):
-                continue
-            close = difflib.get_close_matches(name, self.names, n=1)
-            hint = f"did you mean {close[0]}?" if close else "see docs/node.md for all of them"
-            raise NodeStartError(f"unknown parameter {name} for node estimator: {hint}")
 
 
 def _specifications(kind: Kind) -> tuple[ParameterSpecification, ...]:

@@ -13,7 +13,8 @@ _FLAT_SHARE = 0.005
 """Of the force's range: as flat as free motion is."""
 RISE_SHARE = 0.2
 """Of the force's range: from which on a force is one of contact."""
-_DOWN_SHARE = 0.2
+DOWN_SHARE = 0.2
+"""Of the samples: from which on there is a way down."""
 
 
 def free_motion(depth: FloatArray, newtons: FloatArray) -> Parts[tuple[float, float] | None]:
@@ -25,11 +26,8 @@ def free_motion(depth: FloatArray, newtons: FloatArray) -> Parts[tuple[float, fl
         In parts: the force there [N] and the depth where it ends [mm]; None if there is no such
         part.
     """
-    lag = max(1, len(depth) // 500)
-    advance = np.zeros(len(depth))
-    advance[lag:-lag] = depth[2 * lag :] - depth[: -2 * lag]
-    down = advance > 4.0 * noise(depth)
-    if np.mean(down) > _DOWN_SHARE:
+    down = going_down(depth)
+    if np.mean(down) > DOWN_SHARE:
         depth, newtons = depth[down], newtons[down]
     yield
     low, high = robust_range(depth)
@@ -51,6 +49,14 @@ def free_motion(depth: FloatArray, newtons: FloatArray) -> Parts[tuple[float, fl
     if flat < _FLAT_BINS or flat == _BINS or last - level < RISE_SHARE * (most - least):
         return None
     return level, float(edges[flat])
+
+
+def going_down(depth: FloatArray) -> NDArray[np.bool_]:
+    """Return where the tool goes deeper, by more than its noise shows."""
+    lag = max(1, len(depth) // 500)
+    advance = np.zeros(len(depth))
+    advance[lag:-lag] = depth[2 * lag :] - depth[: -2 * lag]
+    return np.asarray(advance > 4.0 * noise(depth))
 
 
 def _medians(ordered: FloatArray, counts: NDArray[np.int64]) -> FloatArray:

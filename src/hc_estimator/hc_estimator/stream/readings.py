@@ -37,6 +37,7 @@ class Check(Enum):
     RATE = "rate"
     SATURATION = "saturation"
     QUANTISATION = "quantisation"
+    EXCHANGED = "exchanged"
     SIGN = "sign"
     UNITS = "units"
     ZERO_STEP = "zero step"

@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from hc_estimator.stream import channel_checks, range_checks, stamp_checks
+from hc_estimator.stream.exchanged import exchanged
 from hc_estimator.stream.free_motion import RISE_SHARE, free_motion
 from hc_estimator.stream.readings import (
     LEAST_SAMPLES,
@@ -26,10 +27,8 @@ from hc_estimator.stream.readings import (
     usable,
     whole,
 )
+from hc_estimator.stream.sign_checks import RELATED, turned_channels
 from hc_estimator.stream.zero_steps import find_steps
-
-RELATED = 0.4
-"""Correlation of force and depth from which on the tool is in contact for a good part."""
 
 SCALES = "force.scale, position.scale"
 """Settings that a wrong unit is mended with, as a sentence names them; `hc setup` has options."""
@@ -64,11 +63,14 @@ def check_samples(
     Returns:
         What is suspicious, the most fundamental first; empty for readings that may be right.
     """
-    return check_channels(
-        usable("displacement", "mm", time_s, displacement_mm),
-        usable("force", "N", time_s, force_n),
-        force_limit_n,
-    )
+    displacement = usable("displacement", "mm", time_s, displacement_mm)
+    force = usable("force", "N", time_s, force_n)
+    result = check_channels(displacement, force, force_limit_n)
+    with np.errstate(all="ignore"):
+        wrong = exchanged(*_at_common_times(displacement, force))
+    if wrong is None:
+        return result
+    return [*(s for s in result if s.check is Check.TIMES), wrong]  # all else is of other channels
 
 
 def check_channels(
@@ -179,14 +181,7 @@ def _check_together(
     if not (moves(displacement.values) and moves(force.values)):
         return _check_still(displacement, force)
     yield
-    order = np.argsort(displacement.time_s, kind="stable")
-    inside = (force.time_s >= displacement.time_s.min()) & (
-        force.time_s <= displacement.time_s.max()
-    )
-    newtons = force.values[inside]
-    depth = np.interp(force.time_s[inside], displacement.time_s[order], displacement.values[order])
-    sound = np.isfinite(depth)  # not between stamps that are next to equal
-    depth, newtons = depth[sound], newtons[sound]
+    depth, newtons = _at_common_times(displacement, force)
     yield
     if len(newtons) < LEAST_SAMPLES or not (moves(depth) and moves(newtons)):
         return []  # both move, but not where both have readings
@@ -198,11 +193,25 @@ def _check_together(
     yield
     result += _units(depth, newtons, related)
     yield
-    result += yield from _sign(depth, newtons, related)
+    result += yield from turned_channels(depth, newtons, related)
     yield
     if fine and not result:  # zeros of a channel that is turned or scaled wrongly say nothing
         result += yield from _zeros(depth, newtons, related)
     return result
+
+
+def _at_common_times(displacement: Readings, force: Readings) -> tuple[FloatArray, FloatArray]:
+    """Return depth [mm] and force [N] at the times of the forces within those of the depths."""
+    if not (len(displacement.values) and len(force.values)):
+        return np.empty(0), np.empty(0)
+    order = np.argsort(displacement.time_s, kind="stable")
+    inside = (force.time_s >= displacement.time_s.min()) & (
+        force.time_s <= displacement.time_s.max()
+    )
+    newtons = force.values[inside]
+    depth = np.interp(force.time_s[inside], displacement.time_s[order], displacement.values[order])
+    sound = np.isfinite(depth)  # not between stamps that are next to equal
+    return depth[sound], newtons[sound]
 
 
 def _check_still(displacement: Readings, force: Readings) -> list[Suspicion]:
@@ -220,61 +229,6 @@ def _far_from_zero(low: float, high: float) -> Suspicion:
         f"the displacement lies between {low:.4g} and {high:.4g} mm, far from zero: tare at the "
         "surface, or find the surface in an approach (position.zero)",
     )
-
-
-def _sign(depth: FloatArray, newtons: FloatArray, related: float) -> Parts[list[Suspicion]]:
-    low, high = robust_range(newtons)
-    shallow, deep = robust_range(depth)
-    if related < -RELATED and (yield from _pulls(depth, newtons)):
-        sentence = (
-            f"the force falls to {low:.3g} N as the displacement grows: it reads a push as a "
-            "pull; turn its sign (force.sign)"
-        )
-        return [Suspicion(Check.SIGN, "force", sentence, -1.0)]
-    if related < -RELATED:
-        sentence = (
-            f"the force grows to {high:.3g} N as the displacement falls to {shallow:.3g} mm: "
-            "turn the sign of the displacement (position.sign)"
-        )
-        return [Suspicion(Check.SIGN, "displacement", sentence, -1.0)]
-    below = -low > 2.0 * max(high, 0.0) and -shallow > 2.0 * max(deep, 0.0)
-    unknown = 1.0 if below else 0.0
-    if related > RELATED and (yield from pressed_way(depth, newtons, unknown)) > 0.0:
-        sentence = (
-            f"force and displacement go down together, to {low:.3g} N and {shallow:.3g} mm: turn "
-            "the signs of both (force.sign, position.sign)"
-        )
-        return [Suspicion(Check.SIGN, "both", sentence, -1.0)]
-    return []
-
-
-def _pulls(depth: FloatArray, newtons: FloatArray) -> Parts[bool]:
-    """Whether, of two channels that go against each other, it is the force that is turned."""
-    low, high = robust_range(newtons)
-    unknown = float(abs(low) > abs(high)) - 0.5
-    return (yield from pressed_way(-depth, newtons, unknown)) > 0.0
-
-
-def pressed_way(depth: FloatArray, newtons: FloatArray, unknown: float) -> Parts[float]:
-    """Say, in parts, whether two channels that go together are both turned round.
-
-    A force that is flat at one end of the motion is free there, whatever its zero.
-
-    Args:
-        depth: penetration or its negative [mm], shape (n,).
-        newtons: force or its negative, turned so that it grows with the depth, shape (n,).
-        unknown: what to return if no end is flat, or both are.
-
-    Returns:
-        -1 if neither is turned, 1 if both are.
-    """
-    right = yield from free_motion(depth, newtons)
-    yield
-    turned = yield from free_motion(-depth, -newtons)
-    yield
-    if (right is None) == (turned is None):
-        return unknown
-    return 1.0 if right is None else -1.0
 
 
 def _units(depth: FloatArray, newtons: FloatArray, related: float) -> list[Suspicion]:

@@ -25,7 +25,7 @@ from hc_estimator.stream.readings import (
     whole,
 )
 from hc_estimator.stream.repeats import new_readings
-from hc_estimator.stream.sanity import pressed_way
+from hc_estimator.stream.sign_checks import pressed_way
 from hc_estimator.stream.surface import find_surface
 from hc_msgs_py.units import NANOSECONDS
 

@@ -11,7 +11,7 @@ from hc_logger import __version__
 from hc_logger.selection import TopicSelection, full_name, is_pattern
 from hc_logger.session import FLUSH_INTERVAL_S
 from hc_msgs_py.node_main import NodeStartError
-from hc_msgs_py.parameters import declare
+from hc_msgs_py.parameters import declare, refuse_unknown
 from hc_msgs_py.qos import KEPT_DEPTH
 
 
@@ -132,6 +132,7 @@ def declare_options(node: Node) -> Options:
     custom = declare(
         node, "custom_data", [""], "texts for the bag's metadata, key=value", read_only=True
     )
+    refuse_unknown(node)
     if not output:
         raise NodeStartError("parameter output is empty; give the folder of the new bag")
     namespace = node.get_namespace()
