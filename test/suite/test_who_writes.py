@@ -66,6 +66,7 @@ OWNERS = {
     "row": (
         "multiple_model/rows",
         "multiple_model/kalman",
+        "multiple_model/landing",
         "multiple_model/unscented",
         "multiple_model/model_error",
         "multiple_model/delay_sensitivity",
@@ -78,9 +79,14 @@ OWNERS = {
     "fit": (
         "multiple_model/spline",
         "multiple_model/spline_prior",
+        "multiple_model/spline_start",
         "multiple_model/spline_fit",
     ),
-    "moving": ("multiple_model/moving_fit", "multiple_model/moving_delay"),
+    "moving": (
+        "multiple_model/moving_fit",
+        "multiple_model/moving_delay",
+        "multiple_model/spline_outcome",
+    ),
     "zeros": (
         "multiple_model/zero_average",
         "multiple_model/zero_choice",

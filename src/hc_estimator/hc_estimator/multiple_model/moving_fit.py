@@ -163,11 +163,12 @@ def look(settings: Any, bank: Any) -> None:
         moving.stage = ORDER.size + 1 if beyond < 2.0 * LIKELIER[k] else moving.stage + 1
         for m in range(k + 1, ORDER.size):
             moving.evidence[m] = -math.inf
+            moving.in_step[m] = -math.inf
             moving.left[m] = math.inf
     elif moving.stage > ORDER.size + 1:
         moving.stage = 0
         first = _oldest(bank.history, moving.last)
-        moving_delay.ask(settings, bank, first, _most_likely(moving))
+        moving_delay.ask(settings, bank, first, _largest(moving.in_step))
     else:
         moving.stage = 0
         judge.found = 0
@@ -216,6 +217,7 @@ def _fit_kind(settings: Any, bank: Any, k: int) -> float:
     """Fit a kind, and note its evidence; by how much a freer one can lower its squares."""
     fit, history, moving = bank.fit, bank.history, bank.moving
     moving.evidence[k] = -math.inf
+    moving.in_step[k] = -math.inf
     moving.left[k] = math.inf
     if not _lay_out(settings, history, fit, ORDER[k], moving.last):
         return math.inf
@@ -229,7 +231,9 @@ def _fit_kind(settings: Any, bank: Any, k: int) -> float:
         moving.left[k] = left / fit.expected
     if not left < CONSISTENT * fit.expected:
         return math.inf
+    own_delay = moving_delay.cost_of_none(fit)
     moving.evidence[k] = log_evidence(fit, left)
+    moving.in_step[k] = moving.evidence[k] - own_delay
     return left - LEAST_LEFT * fit.expected  # type: ignore[no-any-return]
 
 
@@ -258,18 +262,18 @@ def _relaxes(moving: Any, found: int) -> bool:
 
 
 @compiled
-def _most_likely(moving: Any) -> float:
+def _largest(evidence: Any) -> float:
     """Largest logarithm of the evidence of any kind."""
     best = -math.inf
     for k in range(ORDER.size):
-        best = max(best, moving.evidence[k])
+        best = max(best, evidence[k])
     return best
 
 
 @compiled
 def _likeliest(moving: Any) -> int:
     """Number of the calmest of the likely kinds; -1 if none explains all but the noise."""
-    best = _most_likely(moving)
+    best = _largest(moving.evidence)
     if best == -math.inf:
         return -1
     found = 0

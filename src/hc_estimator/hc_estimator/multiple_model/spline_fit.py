@@ -69,6 +69,7 @@ PASSES = 3  # with other weights
 SAME_TIME = 0.1  # of the time between two points, by which they may be off
 SETTLED = 0.01  # relative change of the squares with which the weights hold
 BEND_STEP = 0.1  # share of a step over which the second derivative is taken
+MOST_BENT = 0.75  # of a step's length, up to which its bend is followed
 HOPELESS = 10.0  # squares left over those of the noise at which other weights change nothing
 
 
@@ -276,6 +277,14 @@ def _follow_bend(settings: Any, history: Any, fit: Any, values: Any) -> None:
         if fit.fixed[i] != 0:
             pull[i] = 0.0
     solve(fit.factor, pull, fit.unknowns)
+    bent, straight = 0.0, 0.0
+    for i in range(fit.unknowns):
+        way = following[i] - values[i]
+        straight += fit.information[i, i] * way * way
+        bent += fit.information[i, i] * 0.25 * pull[i] * pull[i]
+    if not bent < MOST_BENT**2 * straight:  # two terms of the series are not enough
+        clear_vector(pull)
+        return
     for i in range(fit.unknowns):
         following[i] += 0.5 * pull[i]
 

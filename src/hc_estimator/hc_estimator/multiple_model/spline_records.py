@@ -72,6 +72,8 @@ MOVING = record_type(
         Field("stage", np.int64, (), 0, KINDS + 2),  # fit that comes next; 0: none
         Field("last", np.int64, (), 0),  # number of the point after the last that is asked
         Field("evidence", np.float64, (KINDS,), finite=False),  # logarithm, by kind
+        # The same with nothing late, where a fit had a small delay of its own.
+        Field("in_step", np.float64, (KINDS,), finite=False),
         Field("left", np.float64, (KINDS,), finite=False),  # squares, in those of the noise
         Field("values", np.float64, (KINDS, UNKNOWNS)),  # of each fit
         Field("unknowns", np.int64, (KINDS,), 0, UNKNOWNS),  # number of those in use
