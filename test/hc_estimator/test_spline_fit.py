@@ -6,7 +6,14 @@ from scipy.interpolate import BSpline, CubicSpline
 from scipy.optimize import least_squares
 
 import hc_estimator as hc
-from hc_estimator.multiple_model import spline, spline_fit, spline_prior, spline_start
+from hc_estimator.multiple_model import (
+    moving_delay,
+    spline,
+    spline_fit,
+    spline_outcome,
+    spline_prior,
+    spline_start,
+)
 from hc_estimator.multiple_model.history import MEMORY, WIDE
 from hc_estimator.multiple_model.hypotheses import OWN, SURFACE_ROW
 from hc_estimator.multiple_model.spline_records import (
@@ -156,6 +163,72 @@ def test_it_begins_with_the_row_where_no_difference_says_anything(filled, parts)
     spline_start.begin(settings, history, fit, row)
     np.testing.assert_array_equal(fit.values[SPLINE_FIRST : SPLINE_FIRST + 1], 0.3)
     np.testing.assert_array_equal(fit.values[SPLINE_FIRST + 1 : fit.unknowns], 0.7)
+
+
+def test_its_step_follows_the_bend_of_the_valley(filled):
+    """Regression: a tangent's step was thrice refused and then a thousand times too short."""
+    settings, history, fit, _ = filled(MOVES, with_zeros=False)
+    spline_prior.take_prior(settings, fit)
+    spline_fit.weigh(settings, history, fit, NOISE)
+    values = np.array(fit.values)
+
+    def cost(at):
+        return spline_fit.gather(settings, history, fit, at) + spline_prior.prior_cost(fit, at)
+
+    before = cost(values)
+    spline_prior.add_prior(fit, values)
+    assert spline_fit.step(fit, values, 1e-3, fit.unknowns)
+    straight = np.array(fit.next)
+    spline_fit._follow_bend(settings, history, fit, values)
+    bent = np.array(fit.next)
+    assert np.any(bent != straight)
+    assert cost(bent) < 0.5 * min(before, cost(straight))
+
+
+def test_a_delay_that_averages_positions_is_expected_to_leave_less(filled):
+    """Regression: half of their noise was taken for a delay of half the way between two points."""
+    settings, history, fit, _ = filled(MOVES, with_zeros=False)
+    fit.held[spline.DELAY] = 0
+    fit.spacing = SPACING
+    noise = (1e-4, 1e-6, 1.0)
+    spline_fit.weigh(settings, history, fit, noise)
+    whole = fit.expected
+    assert fit.averaged == 0.0
+    fit.values[spline.DELAY] = 0.5 * SPACING
+    spline_fit.weigh(settings, history, fit, noise)
+    assert fit.expected < 0.6 * whole
+    assert fit.expected + fit.averaged == pytest.approx(whole, rel=0.05)
+
+
+def test_what_is_late_in_step_costs_what_its_posterior_says(filled):
+    """Savage and Dickey's ratio: the same evidence with the delay held at none."""
+    settings, history, fit, _ = filled(STAYS, with_zeros=False)
+    fit.held[spline.DELAY] = 0
+    noise = (1e-7, 1e-5, 1.0)
+    points = history.points[:COUNT]
+    points[:, 2] += 1e-3 * np.random.default_rng(3).standard_normal(COUNT)
+    evidence = []
+    for held in (0, 1):
+        fit.held[spline.DELAY] = held
+        fit.values[spline.DELAY] = 0.0
+        squares = spline_fit.solve_least_squares(settings, history, fit, noise)
+        cost = moving_delay.cost_of_none(fit)
+        evidence.append(spline_prior.log_evidence(fit, squares) - cost)
+    assert evidence[0] == pytest.approx(evidence[1], abs=0.05)
+
+
+def test_what_was_not_seen_since_the_latest_point_is_not_known(filled, parts):
+    settings, history, fit, _ = filled(MOVES, with_zeros=False)
+    spline_fit.solve_least_squares(settings, history, fit, NOISE)
+    moving = parts[1].moving
+    deviations = []
+    for age in (0.0, 0.3):
+        spline_outcome.note_outcome(fit, moving, fit.latest + age)
+        deviations.append(np.sqrt(np.diag(np.array(moving.covariance))))
+    walk = np.sqrt(fit.wandering[1])
+    assert deviations[1][4] > walk * np.sqrt(0.3**3 / 3.0)
+    assert deviations[1][5] > walk * np.sqrt(0.3)
+    assert deviations[1][0] == pytest.approx(deviations[0][0])  # the tissue stays
 
 
 @pytest.mark.parametrize("late", [0.0093, -0.0093, 0.005, -0.0185])
