@@ -42,7 +42,7 @@ from hc_estimator.multiple_model.kalman import (
     use_displacement,
 )
 from hc_estimator.multiple_model.model_error import raise_model_error
-from hc_estimator.multiple_model.readings import last_displacement, since_displacement
+from hc_estimator.multiple_model.readings import displacement_before, since_displacement
 from hc_estimator.multiple_model.records import KEPT
 from hc_estimator.multiple_model.rows import clear_motion, free_rate
 from hc_estimator.specification import ParameterSpecification
@@ -253,7 +253,7 @@ def _go_back(bank: Any, slot: int, time: float) -> None:
         time: of the sample in the displacement's time [s].
     """
     maneuver, motion = bank.maneuver, bank.motion
-    ahead = since_displacement(bank, time)
+    reading, ahead = displacement_before(bank, time)
     chosen = maneuver.chosen[slot]
     velocity = bank.rows[chosen].state[VELOCITY]
     if motion.count > motion_density.FIRST_READINGS:
@@ -262,7 +262,7 @@ def _go_back(bank: Any, slot: int, time: float) -> None:
     square = max(maneuver.square_speed, (velocity - kept.state[VELOCITY]) ** 2)
     square += kept.covariance[VELOCITY, VELOCITY]
     acceleration = kept.covariance[ACCELERATION, ACCELERATION] + motion.density * TURN_TIME
-    depth = last_displacement(bank) + ahead * velocity
+    depth = reading + ahead * velocity
     variance = bank.sensor_noise[0] + ahead * ahead * square
     gone, away = max(time - maneuver.time[slot], 0.0), bank.tool.away_time > 0.0
     varied = chosen > FITTED and not SURFACE[chosen]

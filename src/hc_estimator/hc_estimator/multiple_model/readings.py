@@ -70,6 +70,21 @@ def last_displacement(bank: Any) -> float:
 
 
 @compiled
+def displacement_before(bank: Any, time: float) -> tuple[float, float]:
+    """Latest reading of the displacement [mm] up to a time [s], and how much later that is [s].
+
+    Where the force is late, readings of the displacement are known that belong to none yet. Of
+    those that are all later the oldest that is remembered.
+    """
+    finder = bank.delay
+    k = finder.raw_count[0] - 1
+    oldest = max(finder.raw_count[0] - RAW, 0)
+    while k > oldest and finder.raw_time[0, k % RAW] > time:
+        k -= 1
+    return finder.raw_value[0, k % RAW], time - finder.raw_time[0, k % RAW]
+
+
+@compiled
 def since_displacement(bank: Any, time: float) -> float:
     """How much later than that reading a time [s] in the displacement's time is [s]."""
     count = bank.delay.raw_count[0]
