@@ -6,8 +6,8 @@ Kalman filter that takes a hundred readings of nothing for a hundred measurement
 to micrometres, a millimetre from its place. So no force here says only that the surface is no
 higher than the tool (an inequality, met by projection: Simon, IET Control Theory and Applications
 4(8), 2010); what is known of it stays as it is, up to what is known beforehand. And the first force
-is a measurement of the depth, to which the law is turned round: ln d is linear in ln F, ln K and
-is known by a share of itself, however far the surface had gone. Neither teaches anything about the
+is a measurement of the depth, by the law turned round: ln d is linear in ln F and ln K, and d is
+known by a share of itself, however far the surface had gone. Neither teaches anything about the
 tissue (ours).
 """
 

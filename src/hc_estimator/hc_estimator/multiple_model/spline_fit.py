@@ -15,7 +15,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector, copy_vector, is_definite, leading_cholesky
-from hc_estimator.multiple_model.history import MEMORY, UNKNOWN
+from hc_estimator.multiple_model.history import MEMORY
 from hc_estimator.multiple_model.kalman import exp_limited
 from hc_estimator.multiple_model.levenberg_marquardt import (
     FIRST_DAMPING,
@@ -49,6 +49,7 @@ from hc_estimator.multiple_model.spline import (
     relaxed,
     second,
 )
+from hc_estimator.multiple_model.spline_motion import motion_before, noise_left, place_of
 from hc_estimator.multiple_model.spline_prior import (
     add_prior,
     learn_wandering,
@@ -66,75 +67,10 @@ from hc_estimator.multiple_model.spline_records import (
 
 CONSISTENT = 1.5  # largest squares left, in those of the noise, where the law fits
 PASSES = 3  # with other weights
-SAME_TIME = 0.1  # of the time between two points, by which they may be off
 SETTLED = 0.01  # relative change of the squares with which the weights hold
 BEND_STEP = 0.1  # share of a step over which the second derivative is taken
 MOST_BENT = 0.75  # of a step's length, up to which its bend is followed
 HOPELESS = 10.0  # squares left over those of the noise at which other weights change nothing
-
-
-@compiled
-def _place_of(history: Any, fit: Any, k: int) -> int:
-    """Number of the point whose displacement belongs to a point's force; -1 if it has none."""
-    j = k - fit.shift
-    if j < fit.first or j >= fit.last or history.points[j % POINTS, 7] == UNKNOWN:
-        return -1
-    apart = history.points[k % POINTS, 8] - history.points[j % POINTS, 8]
-    if abs(apart - fit.shift * fit.spacing) > SAME_TIME * fit.spacing:
-        return -1
-    return j  # type: ignore[no-any-return]
-
-
-@compiled
-def _between(s: float, begin: float, slope: float, end: float, end_slope: float) -> float:
-    """Value at a share `s` of an interval by the cubic with these ends (Hermite), slopes by s."""
-    rise = end - begin
-    blend = (1.0 - s) * (slope - rise) + s * (rise - end_slope)
-    return begin + s * rise + s * (1.0 - s) * blend
-
-
-@compiled
-def _share_of_way(history: Any, fit: Any, number: int, delay: float) -> float:
-    """Share of the way to the next point that is some time [s] before one; NaN: not known."""
-    other = number - 1 if delay > 0.0 else number + 1
-    if delay == 0.0 or not fit.first <= other < fit.last:
-        return math.nan
-    near = history.points[other % POINTS]
-    apart = near[8] - history.points[number % POINTS, 8]
-    known = near[7] != UNKNOWN and abs(apart) < (1.0 + SAME_TIME) * fit.spacing
-    return -delay / apart if known and abs(delay) <= abs(apart) else math.nan
-
-
-@compiled
-def _motion_before(history: Any, fit: Any, number: int, delay: float) -> tuple[float, float, float]:
-    """Depth, velocity and acceleration of the tool some time [s] before a point of this number.
-
-    A Taylor series over half of 20 ms is off by enough to make 8.3 ms of a delay of 9.3, so that
-    between two points both are used. What the depths say of the velocity is mostly their noise.
-    """
-    point = history.points[number % POINTS]
-    depth, velocity, acceleration = point[0], point[5], point[6]
-    s = _share_of_way(history, fit, number, delay)
-    if s >= 0.0:
-        near = history.points[(number - 1 if delay > 0.0 else number + 1) % POINTS]
-        apart = near[8] - point[8]
-        return (
-            _between(s, depth, apart * velocity, near[0], apart * near[5]),
-            _between(s, velocity, apart * acceleration, near[5], apart * near[6]),
-            acceleration + s * (near[6] - acceleration),
-        )
-    depth -= delay * (velocity - 0.5 * delay * acceleration)
-    return depth, velocity - delay * acceleration, acceleration
-
-
-@compiled
-def _noise_left(history: Any, fit: Any, number: int, delay: float) -> float:
-    """Share of the variance of a point's motion that is left where two are averaged."""
-    s = _share_of_way(history, fit, number, delay)
-    if not s >= 0.0:
-        return 1.0
-    here = _between(s, 1.0, 0.0, 0.0, 0.0)
-    return here * here + (1.0 - here) * (1.0 - here)
 
 
 @compiled
@@ -172,19 +108,19 @@ def weigh(settings: Any, history: Any, fit: Any, noise: tuple[float, float, floa
     gradient = fit.gradient
     expected, averaged = 0.0, 0.0
     for k in range(fit.first, fit.last):
-        number = _place_of(history, fit, k)
+        number = place_of(history, fit, k)
         if number < 0:
             continue
         point, place = history.points[k % POINTS], history.points[number % POINTS]
         locate(fit, place[8])
-        tool = _motion_before(history, fit, number, fit.values[DELAY])
+        tool = motion_before(history, fit, number, fit.values[DELAY])
         _law_at(settings, fit, fit.values, place[8], tool)
         variance = noise[1] + gradient[0] * gradient[0] * noise[0]
         drag, cubic = gradient[1] * gradient[1], int(place[7])
         point[3] = 1.0 / (variance + drag * history.velocity_noise[cubic])
         of_motion = gradient[0] * gradient[0] * noise[2] * noise[0]
         of_motion += drag * history.velocity_std[cubic] ** 2
-        taken = 1.0 - _noise_left(history, fit, number, fit.values[DELAY])
+        taken = 1.0 - noise_left(history, fit, number, fit.values[DELAY])
         expected += point[3] * (noise[2] * noise[1] + of_motion * (1.0 - taken))
         averaged += point[3] * of_motion * taken
     fit.expected = expected
@@ -202,7 +138,7 @@ def gather(settings: Any, history: Any, fit: Any, values: Any) -> float:
     total = 0.0
     count = 0
     for k in range(fit.first, fit.last):
-        number = _place_of(history, fit, k)
+        number = place_of(history, fit, k)
         if number < 0:
             continue
         point, place = history.points[k % POINTS], history.points[number % POINTS]
@@ -221,29 +157,39 @@ def gather(settings: Any, history: Any, fit: Any, values: Any) -> float:
 
 
 @compiled
-def _tangent(settings: Any, history: Any, fit: Any, values: Any, point: Any, number: int) -> float:
-    """Force of a point less the law's [N], and the law's derivatives in fit.slopes.
+def _residual(
+    settings: Any, history: Any, fit: Any, values: Any, point: Any, number: int
+) -> tuple[float, float, float]:
+    """Force of a point less the law's [N]; velocity and acceleration of the tool.
 
     Args:
         settings: settings record.
         history: points.
-        fit: `locate` was called for the place.
+        fit: `locate` was called for the place; the law's derivatives are noted in its gradient.
         values: of the unknowns.
         point: whose force it is.
         number: of the point whose place it is.
     """
-    gradient, slopes, time = fit.gradient, fit.slopes, history.points[number % POINTS, 8]
-    tool = _motion_before(history, fit, number, values[DELAY])
+    time = history.points[number % POINTS, 8]
+    tool = motion_before(history, fit, number, values[DELAY])
     force = _law_at(settings, fit, values, time, tool) - relaxed(fit, values, point)
+    return point[2] - values[FORCE_ZERO] - force, tool[1], tool[2]
+
+
+@compiled
+def _tangent(settings: Any, history: Any, fit: Any, values: Any, point: Any, number: int) -> float:
+    """Force of a point less the law's, and the law's derivatives in fit.slopes; as `_residual`."""
+    residual, velocity, acceleration = _residual(settings, history, fit, values, point, number)
+    gradient, slopes, time = fit.gradient, fit.slopes, history.points[number % POINTS, 8]
     slopes[LOG_RATIO] = gradient[3]
     slopes[EXPONENT] = gradient[4]
     slopes[VELOCITY_EXPONENT] = gradient[5]
     slopes[POSITION] = -gradient[0]
     slopes[FORCE_ZERO] = 1.0
-    slopes[DELAY] = -gradient[0] * tool[1] - gradient[1] * tool[2]
+    slopes[DELAY] = -gradient[0] * velocity - gradient[1] * acceleration
     slopes[SPEED] = -gradient[0] * (time - fit.latest) - gradient[1]
     _note_splines(fit, point)
-    return point[2] - values[FORCE_ZERO] - force  # type: ignore[no-any-return]
+    return residual
 
 
 @compiled
@@ -260,12 +206,12 @@ def _follow_bend(settings: Any, history: Any, fit: Any, values: Any) -> None:
         ahead[i] = values[i] + BEND_STEP * (following[i] - values[i])
         pull[i] = 0.0
     for k in range(fit.first, fit.last):
-        number = _place_of(history, fit, k)
+        number = place_of(history, fit, k)
         if number < 0:
             continue
         point, place = history.points[k % POINTS], history.points[number % POINTS]
         used = locate(fit, place[8])
-        further = _tangent(settings, history, fit, ahead, point, number)
+        further, _, _ = _residual(settings, history, fit, ahead, point, number)
         here = _tangent(settings, history, fit, values, point, number)
         along = 0.0
         for i in range(used):
