@@ -78,20 +78,24 @@ def test_a_place_without_a_force_has_the_last_one(press_table):
     )
 
 
-def test_zeros_that_are_found_are_those_to_set(tmp_path):
-    """With a force zero off, the surface was said to be where it is not."""
+@pytest.mark.parametrize("from_base_mm", [4.0, -499.97134])
+def test_zeros_that_are_found_are_those_to_set(tmp_path, from_base_mm):
+    """With a force zero off, the surface was said to be where it is not.
+
+    Far from the base it was rounded by more than its deviation: -500 for -499.971.
+    """
     random = np.random.default_rng(2)
     time_s = np.arange(2000) * 0.005
     depth = -3.0 * np.cos(0.4 * np.pi * time_s)
     force = 0.5 * np.maximum(depth, 0.0) ** 1.5 + 0.002 * random.standard_normal(2000)
     path = tmp_path / "approach.csv"
-    rows = np.column_stack([time_s, depth + 4.0 + MM_PER_N * force, force + 30.0])
+    rows = np.column_stack([time_s, depth + from_base_mm + MM_PER_N * force, force + 30.0])
     np.savetxt(path, rows, delimiter=",", header="time_s,displacement_mm,force_N", comments="")
     found = loaded(path, f"{NAME}={MM_PER_N}", flags=("--find-surface",))
     note = next(n for n in found.findings.notes if n.startswith("surface found at"))
     words = note.split()
     position, force_zero = words[3], words[words.index("zero") + 1]
-    assert float(position) == pytest.approx(4.0, abs=0.05)
+    assert float(position) == pytest.approx(from_base_mm, abs=0.05)
     zeros = (f"position.zero={position}", f"force.zero={force_zero}")
     again = loaded(path, f"{NAME}={MM_PER_N}", *zeros)
     np.testing.assert_allclose(again.displacement_mm, found.displacement_mm, atol=2e-3)

@@ -97,6 +97,23 @@ def test_why_samples_were_lost_is_told() -> None:
     assert "of these" not in run_text(run_summary(state, None))
 
 
+def test_samples_before_the_first_that_was_heard_are_told_apart() -> None:
+    """Regression: "lost 1206" of a plan written by hand, whose rig began alone, without a why."""
+    statistics = EstimateStatistics()
+    for sequence in range(1206, 2000):
+        statistics.add(estimate(sequence, header=estimate(0).header))
+    state = RunState(statistics, 0.0, elapsed_s=1.0, samples=2000)
+    summary = run_summary(state, None)
+    assert (summary["lost"], summary["left_out"]) == (1206, {"before_the_first": 1206})
+    said = run_text(summary)
+    assert "of these 1206 before the first that was heard" in said
+    assert "start_paused, expected_sample_subscribers and expected_estimate_subscribers" in said
+    replayed = run_summary(state, None, with_latency=False)  # a bag may begin with any number
+    assert replayed["left_out"] == {}
+    state.samples = 794  # counted from the first that was heard
+    assert run_summary(state, None)["left_out"] == {}
+
+
 def test_one_jump_of_a_counter_is_a_restart() -> None:
     statistics = EstimateStatistics()
     for sequence in (*range(100), *range(10**9, 10**9 + 50)):

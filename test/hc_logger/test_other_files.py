@@ -37,7 +37,7 @@ def test_what_a_file_is_and_what_makes_it_a_recording_is_said(tmp_path: Path, na
 
 
 def test_archives_are_to_be_unpacked(tmp_path: Path) -> None:
-    packed = tmp_path / "press.csv.gz"
+    packed = tmp_path / "press.gz"
     packed.write_bytes(gzip.compress(b"time_s,displacement_mm,force_N\n0,0,0\n"))
     for name, said in (("press.zip", "unzip"), ("press.xlsx", "save its sheet")):
         with zipfile.ZipFile(tmp_path / name, "w") as archive:

@@ -57,6 +57,18 @@ def test_a_type_that_does_not_exist_is_refused_and_the_others_are_set(ask):
     assert values[0].double_value == 1.5
 
 
+def test_a_parameter_that_is_not_there_is_named(ask):
+    """Regression: rqt and Foxglove were told "Invalid access to undeclared parameter(s): []"."""
+    misspelt = Parameter(name="sped", value=ParameterValue(type=3, double_value=1.5))
+    said = "unknown parameter sped for node indenter: did you mean speed?"
+    request = SetParameters.Request(parameters=[misspelt, value(3, double_value=2.5)])
+    results = ask(SetParameters, "set_parameters", request).results
+    assert [(one.successful, one.reason) for one in results] == [(False, said), (True, "")]
+    request = SetParametersAtomically.Request(parameters=[value(3, double_value=3.0), misspelt])
+    result = ask(SetParametersAtomically, "set_parameters_atomically", request).result
+    assert (result.successful, result.reason) == (False, said)
+
+
 def test_a_hundred_calls_at_once_are_all_answered(caller, rig):
     """Regression: 42 of them were; whoever asked the others waited without an end."""
     deep = QoSProfile(depth=1000)

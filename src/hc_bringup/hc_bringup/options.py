@@ -49,6 +49,13 @@ def port_number(text: str) -> int:
     return int(value)
 
 
+def new_file_name(text: str) -> str:
+    """Take the name of a file to write; standard output has the summary."""
+    if text == "-":
+        raise argparse.ArgumentTypeError("'-' is no file: name one, out.csv say")
+    return text
+
+
 def namespace(text: str) -> str:
     """Parse a namespace of nodes: names with slashes between them."""
     parts = text.strip("/").split("/")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -135,3 +136,20 @@ def _each_once(recording: Any, settings: Mapping[str, Any]) -> Any:
             values = getattr(recording, column)
             changed[column] = np.where(new_readings(recording.stamps, values), values, np.nan)
     return dataclasses.replace(recording, **changed) if changed else recording
+
+
+def surface_note(found: Any, surface_mm: float) -> str:
+    """Say where the surface was found, in as many digits as position.zero needs.
+
+    Half a metre from the robot's base four digits were less than the deviation.
+
+    Args:
+        found: what find_surface() of hc_estimator.stream.surface returned.
+        surface_mm: its position.
+    """
+    deviation_mm = found.displacement_std_mm
+    decimals = min(9, max(0, 2 - math.floor(math.log10(deviation_mm)))) if deviation_mm > 0.0 else 9
+    return (
+        f"surface found at {surface_mm:.{decimals}f} mm (± {deviation_mm:.2g}), "
+        f"force zero {found.force_n:.6g} N: taken off"
+    )

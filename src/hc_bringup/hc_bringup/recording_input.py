@@ -16,7 +16,13 @@ from typing import Any
 from hc_bringup import file_preset
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import assignment, each_once, natural, positive
-from hc_bringup.read_otherwise import less_compliance, less_zeros, read_as, why_no_compliance
+from hc_bringup.read_otherwise import (
+    less_compliance,
+    less_zeros,
+    read_as,
+    surface_note,
+    why_no_compliance,
+)
 
 ZEROS = ("force.zero", "position.zero")
 """What can be said of any recording."""
@@ -227,8 +233,9 @@ def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
     Raises:
         UserError: if it cannot be read, or an option is not allowed; the message says why.
     """
+    from hc_logger.csv_open import is_text
     from hc_logger.errors import BagError
-    from hc_logger.recording import has_samples, is_text, read_recording
+    from hc_logger.recording import has_samples, read_recording
 
     check(arguments)
     sensors = dict(arguments.sensors)
@@ -350,10 +357,7 @@ def _from_surface(recording: Any, mm_per_n: float) -> Any:
         raise UserError(f"--find-surface: {recording.path} {why_no_surface(*pairs)}")
     # As input.position.zero: with the force zero taken off, less is taken off for the compliance.
     surface_mm = found.displacement_mm + mm_per_n * found.force_n
-    note = (
-        f"surface found at {surface_mm:.4g} mm (± {found.displacement_std_mm:.2g}), "
-        f"force zero {found.force_n:.4g} N: taken off"
-    )
+    note = surface_note(found, surface_mm)
     zeroed = less_zeros(
         recording, {"position.zero": found.displacement_mm, "force.zero": found.force_n}
     )

@@ -47,12 +47,12 @@ def run_summary(
     force_aligned_rmse_n is that of readings brought to the same time. silent_s says since when no
     estimate came where the run was ended in silence, None elsewhere. lost counts samples
     that were published and for which no estimate came; None where that cannot be told. left_out
-    counts what the estimator had a reason to leave out: "skipped" when it was behind, "alone" of a
-    sensor without the other; not_seen counts estimates that were made and did not come here: no
-    figure counts them. not_recorded counts messages that never reached the recorder: it stood
-    still, or was behind, for longer than publishers keep them. failures says why the run counts as
-    failed although it went on to its end. estimator names whose figures these are, and others holds
-    the same of further estimators of the run.
+    counts what there was a reason for: "skipped" when the estimator was behind, "alone" of a sensor
+    without the other, "before_the_first" that was heard of the rig; not_seen counts estimates that
+    were made and did not come here: no figure counts them. not_recorded counts messages that never
+    reached the recorder: it stood still, or was behind, for longer than publishers keep them.
+    failures says why the run counts as failed although it went on to its end. estimator names whose
+    figures these are, and others holds the same of further estimators of the run.
 
     Args:
         state: the run at its end.
@@ -69,10 +69,14 @@ def run_summary(
         samples = statistics.estimates + (lost or 0)
     else:
         lost = max(0, samples - statistics.estimates - state.unseen)
+    left_out = dict(state.left_out)
+    early = statistics.first_sequence or 0  # the rig counts from 0, a player as its bag does
+    if with_latency and state.samples is not None and 0 < early <= (lost or 0):
+        left_out["before_the_first"] = early
     summary = {
         "samples": samples,
         "lost": lost,
-        "left_out": state.left_out,
+        "left_out": left_out,
         "estimates": statistics.estimates,
         "not_seen": state.unseen,
         "rejected": dict(statistics.rejected),
@@ -214,6 +218,9 @@ _LEFT_OUT = {
     "skipped": "skipped, for more than input.maximum_backlog waited: the computer was too busy "
     "(hc run --realtime, fewer programs, or a larger backlog)",
     "alone": "of a sensor without the other (the first and last of a run count here, too)",
+    "before_the_first": "before the first that was heard: the rig began while others still looked "
+    "for it; say start_paused, expected_sample_subscribers and expected_estimate_subscribers in "
+    "the plan, as config/run.yaml does",
 }
 
 

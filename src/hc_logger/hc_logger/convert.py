@@ -123,11 +123,12 @@ def csv_to_bag(
         BagError: if the source is bad or the target exists; no target is left behind then.
     """
     source = Path(source)
-    blocks = (reader or CsvReader(source)).blocks()
+    reader = reader or CsvReader(source)
+    blocks = reader.blocks()
     first = next(blocks, None)  # a bad file is found before the target is made
     if first is None or not len(first):
         raise BagError(f"{source} has no rows")
-    size = max(source.stat().st_size, 1)
+    size = max(source.stat().st_size, 1)  # of a compressed one nobody knows how long it gets
     written = 0
     carried = np.zeros(0)
     custom_data, epoch_ns = {CSV_SOURCE: source.name}, CSV_EPOCH_NS
@@ -138,7 +139,6 @@ def csv_to_bag(
         BagWriter(target, custom_data=custom_data) as writer,
     ):
         samples = SampleWriter(writer)
-        bytes_per_row = size / max(len(first), 1)
         block: NDArray[np.float64] | None = first
         while block is not None:
             time_s = np.concatenate([carried, block[:, 0]])
@@ -148,7 +148,7 @@ def csv_to_bag(
             sequence = np.arange(written, written + len(block), dtype=np.uint64)
             samples.write(stamp, sequence, block[:, 1], block[:, 2])
             written += len(block)
-            progress(min(1.0, written * bytes_per_row / size))
+            progress(min(1.0, reader.characters / size))
             block = next(blocks, None)
     return written
 

@@ -51,6 +51,11 @@ class CsvReader:
         )
         return (*self._layout.notes, *self._rows.notes, *([cycles] if again else []))
 
+    @property
+    def characters(self) -> int:
+        """How many were read so far below the header."""
+        return self._rows.characters
+
     def blocks(self) -> Iterator[NDArray[np.float64]]:
         """Yield the rows in blocks (rows, 3): s, mm, N. An empty cell is NaN.
 

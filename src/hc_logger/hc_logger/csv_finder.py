@@ -25,6 +25,7 @@ from hc_logger.csv_number import (
 )
 from hc_logger.csv_options import CsvOptions
 from hc_logger.csv_own import own_layout
+from hc_logger.csv_stress import why_no_displacement, why_no_force
 from hc_logger.csv_table import SEPARATORS, Table, cut, why_no_rows
 from hc_logger.csv_text import find_encoding, first_lines, split_line
 from hc_logger.csv_time import stamps, unit_of_times
@@ -37,6 +38,9 @@ from hc_logger.csv_vocabulary import (
     unit_of,
 )
 from hc_logger.errors import BagError
+
+_MADE_OF = {"displacement": why_no_displacement, "force": why_no_force}
+"""What other quantities of a testing machine make one that is missing."""
 
 
 def find_layout(path: str | os.PathLike[str], options: CsvOptions | None = None) -> CsvLayout:
@@ -251,6 +255,9 @@ class _Finder:
                 "which is no number",
                 self._example(table),
             )
+        why = _MADE_OF[quantity](cells, header.units) if not known and quantity in _MADE_OF else ""
+        if why:
+            raise BagError(f"{self._path}: no column is known to be the {quantity}: {why}")
         shown = ", ".join(repr(cells[i][:30]) for i in (known or numeric)[:8])
         what = "several columns could be" if known else "no column is known to be"
         raise self._refusal(f"{what} the {quantity}: {shown}", self._example(table))

@@ -57,6 +57,7 @@ class RowReader:
 
     Attributes:
         notes: what was passed over or left out, one line each; complete after the last block.
+        characters: how many were read.
     """
 
     def __init__(self, path: Path, layout: CsvLayout) -> None:
@@ -67,6 +68,7 @@ class RowReader:
             layout: how it is written.
         """
         self.notes: list[str] = []
+        self.characters = 0
         self._path = path
         self._layout = layout
         self._indices = [i for i in layout.indices if i != NO_COLUMN]
@@ -93,6 +95,7 @@ class RowReader:
         line = layout.header_lines + 1
         factors = np.array(layout.factors)
         while not self._has_ended and (lines := list(islice(stream, BLOCK_ROWS))):
+            self.characters += sum(map(len, lines))
             if is_cut_off(lines[-1], layout):
                 lines.pop()
                 self.notes.append("the last line is cut off in its middle: it is left out")

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import codecs
 import csv
+import io
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
 from hc_logger.csv_layout import CsvLayout
+from hc_logger.csv_open import open_table
 from hc_logger.errors import BagError
 
 LOOKED_AT_BYTES: Final = 256 * 1024
@@ -34,11 +36,8 @@ def find_encoding(path: Path) -> str:
     Raises:
         BagError: if it cannot be read or is not a text file.
     """
-    try:
-        with open(path, "rb") as file:
-            start = file.read(LOOKED_AT_BYTES)
-    except OSError as error:
-        raise BagError(f"cannot read {path}: {error.strerror}") from error
+    with open_table(path) as file:
+        start = file.read(LOOKED_AT_BYTES)
     for mark, name in _BYTE_ORDER_MARKS:
         if start.startswith(mark):
             return name
@@ -109,15 +108,14 @@ def limited_lines(path: Path, encoding: str) -> Iterator[str]:
         BagError: if it cannot be read, or a line is too long to be one.
     """
     try:
-        with open(path, encoding=encoding, errors="replace") as stream:
+        with open_table(path) as file:
+            stream = io.TextIOWrapper(file, encoding=encoding, errors="replace")
             count = 0
             while line := stream.readline(LONGEST_LINE):
                 count += 1
                 if len(line) == LONGEST_LINE and not line.endswith("\n"):
                     raise BagError(f"{path}, line {count} has more than {LONGEST_LINE} characters")
                 yield line
-    except OSError as error:
-        raise BagError(f"cannot read {path}: {error.strerror}") from error
     except UnicodeError:
         raise BagError(f"{path} is not a text in {encoding}: give its encoding") from None
 

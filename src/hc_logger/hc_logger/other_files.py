@@ -6,6 +6,8 @@ import os
 from pathlib import Path
 from typing import Final
 
+from hc_logger.errors import BagError
+
 _AS_TABLE: Final = "write its columns as a table with the header time_s,displacement_mm,force_N"
 _BEGINNINGS: Final = (
     (
@@ -18,14 +20,32 @@ _BEGINNINGS: Final = (
     (b"\x89HDF", f"is written as HDF5: {_AS_TABLE}"),
     (b"TDSm", "is written as TDMS: export it as .lvm or CSV"),
     (b"PAR1", f"is written as Parquet: {_AS_TABLE}"),
+    (b"ARROW1", f"is written as Feather (Arrow): {_AS_TABLE}"),
+    (b"\x93NUMPY", f"is an array of NumPy: {_AS_TABLE} (numpy.savetxt)"),
     (b"SQLite format 3", "is a database: of a bag give the folder, with its metadata.yaml"),
-    (b"\x1f\x8b", "is compressed: unpack it first (gunzip -k)"),
-    (b"BZh", "is compressed: unpack it first (bunzip2 -k)"),
-    (b"\xfd7zXZ", "is compressed: unpack it first (unxz -k)"),
+    (b"\x1f\x8b", "is compressed: unpack it first (gunzip -k), or name it as a table, .csv.gz"),
+    (b"BZh", "is compressed: unpack it first (bunzip2 -k), or name it as a table, .csv.bz2"),
+    (b"\xfd7zXZ", "is compressed: unpack it first (unxz -k), or name it as a table, .csv.xz"),
     (b"\x28\xb5\x2f\xfd", "is compressed: unpack it first (unzstd)"),
 )
 _ARCHIVE: Final = b"PK\x03\x04"
 _WORKBOOKS: Final = (".xlsx", ".xlsm", ".ods")
+_JSON_SUFFIXES: Final = (".json", ".jsonl", ".ndjson")
+
+
+def check_there(path: Path) -> None:
+    """See that there is a file or a folder, which may be read more than once.
+
+    Raises:
+        BagError: if there is nothing, or a pipe or a device.
+    """
+    if str(path) == "-" or (path.exists() and not (path.is_file() or path.is_dir())):
+        raise BagError(
+            f"{path} is a pipe or a device, and a recording is read more than once: write it to a "
+            "file first (... > press.csv)"
+        )
+    if not path.exists():
+        raise BagError(f"{path} does not exist")
 
 
 def what_it_is(path: str | os.PathLike[str]) -> str:
@@ -35,10 +55,17 @@ def what_it_is(path: str | os.PathLike[str]) -> str:
         path: a file that can be read.
     """
     path = Path(path)
+    if path.suffix.lower() in _JSON_SUFFIXES:
+        return (
+            "is JSON, in which every logger calls its channels otherwise: write a table with the "
+            "header time_s,displacement_mm,force_N"
+        )
     with path.open("rb") as file:
         first = file.read(max(len(beginning) for beginning, _ in _BEGINNINGS))
     if first.startswith(_ARCHIVE):
         if path.suffix.lower() in _WORKBOOKS:
             return "is a workbook: save its sheet as CSV"
+        if path.suffix.lower() == ".npz":
+            return f"holds arrays of NumPy: {_AS_TABLE} (numpy.savetxt)"
         return "is an archive: unpack it first (unzip)"
     return next((said for beginning, said in _BEGINNINGS if first.startswith(beginning)), "")

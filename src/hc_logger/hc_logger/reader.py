@@ -26,6 +26,9 @@ from hc_logger.metadata import (
     recorded_hashes,
     recorded_profiles,
 )
+from hc_logger.other_files import check_there
+
+_OTHER_ENCODINGS = {"ros1": ", as of ROS 1: export them as a CSV"}
 
 
 def bag_files(path: Path) -> tuple[list[Path], list[str]]:
@@ -36,8 +39,7 @@ def bag_files(path: Path) -> tuple[list[Path], list[str]]:
     """
     if path.is_file():
         return [path], []
-    if not path.is_dir():
-        raise BagError(f"{path} does not exist")
+    check_there(path)
     information = read_information(path)
     if information is not None and information["storage_identifier"] != "mcap":
         raise BagError(
@@ -127,6 +129,7 @@ class BagReader(Bag):
                     "the description of its type is lost"
                     if channel.message_encoding == "cdr"
                     else f"its messages are {channel.message_encoding[:40]!r}, not 'cdr'"
+                    + _OTHER_ENCODINGS.get(channel.message_encoding, "")
                 )
                 self._leave_out(channel.topic, why)
                 continue

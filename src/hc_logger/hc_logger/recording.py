@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from hc_logger.bag import Bag
 from hc_logger.bag_sensors import has_sensors, how_to_read
 from hc_logger.csv_file import CsvReader
+from hc_logger.csv_open import TEXT_SUFFIXES, is_text
 from hc_logger.csv_options import CsvOptions
 from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
 from hc_logger.layout import INTEGER, REAL, records, stamps
 from hc_logger.limits import check_in_memory
-from hc_logger.other_files import what_it_is
+from hc_logger.other_files import check_there, what_it_is
 from hc_logger.recorded import Recording, findings_of, only_topic
 from hc_logger.sample_arrays import DISPLACEMENT, FORCE, SEQUENCE, STAMP, all_samples
 from hc_logger.selection import full_name
@@ -34,9 +35,6 @@ __all__ = ["Recording", "read_recording", "stamps_from_seconds"]
 SAMPLE_FIELDS = {"sequence": INTEGER, "displacement": REAL, "force": REAL}
 """Of hc_msgs/IndenterSample."""
 _FARTHEST_S = 2.0**62 / NANOSECONDS
-_JSON_SUFFIXES = (".json", ".jsonl", ".ndjson")
-TEXT_SUFFIXES = (".csv", ".tsv", ".tab", ".txt", ".dat", ".asc", ".prn", ".tra", ".lvm")
-"""Of tables in text; .tra is what testXpert writes, .lvm LabVIEW."""
 
 
 def read_recording(
@@ -49,7 +47,8 @@ def read_recording(
     """Read a CSV file, a bag folder or an MCAP file, whole or cut off.
 
     Args:
-        path: a file that ends in .csv (or another ending of text), a bag folder, or an .mcap file.
+        path: a file that ends in .csv (or another ending of text, or .csv.gz), a bag folder, or an
+            .mcap file.
         topic: topic of the samples in a bag; empty takes the only one.
         namespace: of the arm in a bag of several, as /left; empty takes that of the samples.
         csv_options: what is known of how a CSV file is written; None finds out.
@@ -60,13 +59,7 @@ def read_recording(
     path = Path(path)
     if path.is_dir() or path.suffix.lower() == ".mcap":
         return _read_bag(path, topic, namespace)
-    if not path.exists():
-        raise BagError(f"{path} does not exist")
-    if path.suffix.lower() in _JSON_SUFFIXES:
-        raise BagError(
-            f"{path} is JSON, in which every logger calls its channels otherwise: write a table "
-            "with the header time_s,displacement_mm,force_N"
-        )
+    check_there(path)
     if not is_text(path):
         if path.is_file() and (said := what_it_is(path)):
             raise BagError(f"{path} {said}")
@@ -96,11 +89,6 @@ def read_recording(
         force_n,
         findings_of(rows, _steps(time_s), ())._replace(notes=reader.notes),
     )
-
-
-def is_text(path: Path) -> bool:
-    """Whether a name is that of a CSV file."""
-    return path.suffix.lower() in TEXT_SUFFIXES
 
 
 def _steps(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -171,8 +159,7 @@ def has_samples(path: str | os.PathLike[str]) -> bool:
         BagError: if it cannot be read, or has several such topics and none is the usual one.
     """
     path = Path(path)
-    if not path.exists():
-        raise BagError(f"{path} does not exist")
+    check_there(path)
     with open_bag(path) as bag:
         return sample_topic(bag) is not None
 

@@ -101,18 +101,22 @@ def refuse_unknown(node: Node) -> None:
     Raises:
         ValueError: names the first, and the nearest that there is.
     """
-    name = node.get_name()
     # rclpy offers no public way to ask for the overrides of parameters that nobody declares.
     for given in node._parameter_overrides:
         if node.has_parameter(given) or given.startswith("qos_overrides."):
             continue
-        names = sorted(declared(node))
-        listed = f"it has: {', '.join(names)}"
-        if len(names) > MOST_NAMES:
-            listed = f"docs/reference/parameters.md lists its {len(names)}"
-        close = difflib.get_close_matches(given, names, n=1)
-        hint = f"did you mean {close[0]}?" if close else listed
-        raise ValueError(f"unknown parameter {given} for node {name}: {hint}")
+        raise ValueError(why_unknown(node, given))
+
+
+def why_unknown(node: Node, name: str) -> str:
+    """Say that a node has no parameter of a name, and the nearest that it has."""
+    names = sorted(declared(node))
+    listed = f"it has: {', '.join(names)}"
+    if len(names) > MOST_NAMES:
+        listed = f"docs/reference/parameters.md lists its {len(names)}"
+    close = difflib.get_close_matches(name, names, n=1)
+    hint = f"did you mean {close[0]}?" if close else listed
+    return f"unknown parameter {name} for node {node.get_name()}: {hint}"
 
 
 def _descriptor(specification: ParameterSpecification) -> ParameterDescriptor:

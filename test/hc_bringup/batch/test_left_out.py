@@ -17,12 +17,13 @@ def test_files_with_other_endings_are_not_left_out_silently(
     folder = tmp_path / "study"
     bag = folder / "bag"
     bag.mkdir(parents=True)
-    for name in ("a.csv", "b.lvm", "c.txt", "notes.tex", "bag/metadata.yaml", "bag/x.db3"):
+    names = ("a.csv", "b.lvm", "c.txt", "d.csv.gz", "notes.tex", "bag/metadata.yaml", "bag/x.db3")
+    for name in names:
         (folder / name).write_text("time_s,displacement_mm,force_N\n0,0,0\n")
     (tmp_path / "out").mkdir()
     found = sources.find_recordings([str(folder), str(folder / "a.csv")], tmp_path / "out")
     assert [path.name for path in found.left_out] == ["b.lvm", "c.txt"]
-    assert [path.name for path in found.recordings] == ["a.csv", "bag"]
+    assert [path.name for path in found.recordings] == ["a.csv", "bag", "d.csv.gz"]
     named = sources.find_recordings([str(folder / "*.lvm"), str(folder)], tmp_path / "out")
     assert [path.name for path in named.left_out] == ["c.txt"]  # what is named is not left out
     main(["batch", str(folder), "--filter", "ukf", "-o", str(tmp_path / "results"), "-j", "1"])

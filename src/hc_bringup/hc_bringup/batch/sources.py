@@ -12,12 +12,22 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from hc_bringup.errors import WRONG_USE, UserError
-from hc_logger.recording import TEXT_SUFFIXES
+from hc_logger.csv_open import COMPRESSED_SUFFIXES, TEXT_SUFFIXES
 
 BAG_SUFFIX: Final = ".mcap"
-_SUFFIXES: Final = (".csv", ".tsv", BAG_SUFFIX)
+_SUFFIXES: Final = (
+    ".csv",
+    ".tsv",
+    BAG_SUFFIX,
+    *(f"{table}{packed}" for table in (".csv", ".tsv") for packed in COMPRESSED_SUFFIXES),
+)
 """Of recordings in a folder; other endings must be named, or be in the pattern (*.dat)."""
-_MAY_BE: Final = (*TEXT_SUFFIXES, ".db3", ".bag", ".mat", ".xls", ".xlsx", ".tdms", ".gz", ".zst")
+_MAY_BE: Final = (
+    *TEXT_SUFFIXES,
+    *(".db3", ".bag", ".mat", ".xls", ".xlsx", ".tdms"),
+    *COMPRESSED_SUFFIXES,
+    ".zst",
+)
 """Endings of files in a folder that somebody may take for recordings of the batch."""
 MANIFEST: Final = "manifest.json"
 """What every folder of results has."""
@@ -104,7 +114,7 @@ def _named_by(pattern: str, others: set[Path]) -> Iterator[Path]:
         path = Path(name).absolute()
         if path.is_dir():
             yield from () if _is_batch(path) else _below(path, set())
-        elif any_suffix or path.suffix.lower() in _SUFFIXES:
+        elif any_suffix or path.name.lower().endswith(_SUFFIXES):
             yield path
 
 

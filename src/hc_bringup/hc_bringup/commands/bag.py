@@ -158,7 +158,7 @@ def _convert(arguments: argparse.Namespace) -> int:
     from hc_bringup.progress import progress_bar
     from hc_logger.convert import bag_to_bag, bag_to_csv, csv_to_bag
     from hc_logger.csv_file import CsvReader, write_csv
-    from hc_logger.recording import is_text
+    from hc_logger.csv_open import is_text
 
     source, target = Path(arguments.source), Path(arguments.target)
     to_csv = target.suffix.lower() == ".csv"

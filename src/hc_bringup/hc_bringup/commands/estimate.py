@@ -13,7 +13,7 @@ from typing import Any
 
 from hc_bringup import recording_input
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
-from hc_bringup.options import each_once
+from hc_bringup.options import each_once, new_file_name
 from hc_bringup.wrapping import say
 
 HELP = "run an estimator over a recording (CSV or bag) and print the parameters"
@@ -38,7 +38,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     recording_input.add_options(parser)
     recording_input.add_filter_options(parser)
-    parser.add_argument("-o", "--output", metavar="OUT.csv", help="write every estimate to a CSV")
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=new_file_name,
+        metavar="OUT.csv",
+        help="write every estimate to a CSV",
+    )
     parser.add_argument(
         "--verify",
         action="store_true",

@@ -88,7 +88,7 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
     from hc_bringup.paths import config_folder
     from hc_bringup.plan import NodePlan, RunPlan
     from hc_estimator.ros.node_settings import LARGEST_BACKLOG
-    from hc_logger.recording import is_text
+    from hc_logger.csv_open import is_text
     from hc_logger.type_names import SAMPLE_TYPE, SAMPLES_TYPE
     from hc_msgs_py.topics import ESTIMATE, ESTIMATES, SAMPLE, SAMPLES
 

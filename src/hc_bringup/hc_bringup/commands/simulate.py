@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from hc_bringup.errors import WRONG_USE, UserError
-from hc_bringup.options import natural, positive
+from hc_bringup.options import natural, new_file_name, positive
 
 HELP = "run a scenario of the rig as fast as possible into a CSV file or a bag"
 COMPILES = True
@@ -23,7 +23,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "scenario", nargs="?", metavar="SCENARIO", help="name or YAML file (none: list them)"
     )
-    parser.add_argument("-o", "--output", metavar="OUT", help="CSV file (.csv) or bag folder")
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=new_file_name,
+        metavar="OUT",
+        help="CSV file (.csv) or bag folder",
+    )
     parser.add_argument("--seed", type=natural, metavar="N", help="seed (default: the scenario's)")
     parser.add_argument("--duration", type=positive, metavar="S", help="length in seconds")
 

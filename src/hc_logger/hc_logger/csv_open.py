@@ -1,0 +1,65 @@
+"""Opens the file of a table in text, as it is or compressed: press.csv, press.csv.gz.
+
+What loggers and archives compress is read as it is unpacked; a file that ends in the midst of it is
+refused, for nobody knows what of the last block is whole.
+"""
+
+from __future__ import annotations
+
+import bz2
+import contextlib
+import gzip
+import lzma
+import os
+import zlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import IO, Any, Final
+
+from hc_logger.errors import BagError
+from hc_logger.other_files import check_there
+
+TEXT_SUFFIXES: Final = (".csv", ".tsv", ".tab", ".txt", ".dat", ".asc", ".prn", ".tra", ".lvm")
+"""Of tables in text; .tra is what testXpert writes, .lvm LabVIEW."""
+_OPENERS: Final[dict[str, tuple[Callable[..., Any], str]]] = {
+    ".gz": (gzip.open, "zcat"),
+    ".bz2": (bz2.open, "bzcat"),
+    ".xz": (lzma.open, "xzcat"),
+}
+"""By the last ending: what unpacks it here, and what does in a shell. No .zst: the library does not
+say that a file was cut off."""
+COMPRESSED_SUFFIXES: Final = tuple(_OPENERS)
+_DAMAGED: Final = (EOFError, zlib.error, lzma.LZMAError, gzip.BadGzipFile)
+
+
+def is_text(path: Path) -> bool:
+    """Whether a name is that of a CSV file, compressed or not."""
+    return text_suffix(path) in TEXT_SUFFIXES
+
+
+def text_suffix(path: Path) -> str:
+    """Return the ending of a name in small letters, without that of a compression."""
+    suffix = path.suffix.lower()
+    return Path(path.stem).suffix.lower() if suffix in _OPENERS else suffix
+
+
+@contextlib.contextmanager
+def open_table(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
+    """Open a table's bytes.
+
+    Raises:
+        BagError: if it cannot be read, is no file, or cannot be unpacked, also within the block.
+    """
+    path = Path(path)
+    check_there(path)
+    opener, unpack = _OPENERS.get(path.suffix.lower(), (open, ""))
+    try:
+        with opener(path, "rb") as stream:
+            yield stream
+    except _DAMAGED as error:
+        raise BagError(
+            f"{path} is damaged, cut off, or not what its ending says ({error}); what can be "
+            f"unpacked of it: {unpack} {path.name} > part.csv"
+        ) from error
+    except OSError as error:
+        raise BagError(f"cannot read {path}: {error.strerror or error}") from error
