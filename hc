@@ -97,17 +97,27 @@ count_packages() { # shows how far pip is: one line that is rewritten, or a line
         }'
 }
 
+# What compiling the estimators needs: that begins as soon as these are there.
+kernel_packages='numpy numba llvmlite scipy pyyaml'
+
+install() { # requirements file: byte code is made at the first import, of what is imported at all
+    "$environment/bin/python" -m pip install --no-input --disable-pip-version-check --no-deps \
+        --no-compile --require-hashes --requirement "$1"
+}
+
 make_environment() {
     printf '[1/4] making the environment %s with %s\n' "$environment" "$("$python" --version)" >&2
     rm -f "$environment/.environment" "$environment/.messages"
     run_logged 'making the environment' "$python" -m venv --clear "$environment"
     printf '[2/4] fetching packages (about a minute)\n' >&2
+    first=$environment/.kernel_packages
+    awk -v names=" $kernel_packages " '/^[^ ]*==/ { name = $1; sub(/==.*/, "", name)
+        wanted = index(names, " " name " ") } wanted' "$root/requirements.lock" >"$first"
+    run_logged 'installing the packages (is a package index reachable?)' install "$first"
+    compile_ahead
     status=$environment/.pip_status
-    {
-        # Byte code is made at the first import, of what is imported at all: 45 s less here.
-        "$environment/bin/python" -m pip install --no-input --disable-pip-version-check --no-deps \
-            --no-compile --require-hashes --requirement "$root/requirements.lock" 2>&1 && echo 0 >"$status" || echo 1 >"$status"
-    } | count_packages
+    { install "$root/requirements.lock" 2>&1 && echo 0 >"$status" || echo 1 >"$status"; } |
+        count_packages
     if [ "$(cat "$status")" != 0 ]; then
         tail -n 15 "$log" >&2
         fail "installing the packages failed (is a package index reachable?); the whole output is in $log"
@@ -115,8 +125,8 @@ make_environment() {
     fingerprint environment >"$environment/.environment"
 }
 
-make_messages() { # beside one another: the filters' code needs no messages
-    printf '[3/4] compiling the messages and the estimators (one to two minutes)\n' >&2
+compile_ahead() { # beside what follows: the filters' code needs neither messages nor other packages
+    [ -z "${ahead:-}" ] || return 0
     ahead_log=$environment/.compiling_ahead
     PYTHONSAFEPATH=1 PYTHONPATH="$root/src/hc_bringup:$root/src/hc_estimator:$root/src/hc_msgs_py" \
         "$environment/bin/python" -m hc_bringup.warm_up ahead >"$ahead_log" 2>&1 &
@@ -124,6 +134,11 @@ make_messages() { # beside one another: the filters' code needs no messages
     trap 'kill "$ahead" 2>/dev/null || true' EXIT
     trap 'exit 130' INT
     trap 'exit 143' TERM
+}
+
+make_messages() {
+    printf '[3/4] compiling the messages and the estimators (one to two minutes)\n' >&2
+    compile_ahead
     run_logged 'compiling the messages' "$environment/bin/python" -m pip install --no-input \
         --disable-pip-version-check --no-deps --no-build-isolation --editable "$root"
     printf '[4/4] compiling what is left of the estimators\n' >&2

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from hc_bringup.place_delay import delay_setting
 from hc_bringup.sites import find_sites
 from hc_bringup.tip_path import TipPath
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
+from hc_evaluation.channels import diagnose_channels
 from hc_logger.recording import read_recording
 from hc_logger.writer import BagWriter
 
@@ -27,6 +29,29 @@ PLACES = (
 """Surface [mm] and K, B, n, p."""
 RATE_HZ = 500.0
 START_NS = 1_700_000_000_000_000_000
+
+
+def once(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function that computes the same from the same numbers but once."""
+    known: dict[tuple[Any, ...], Any] = {}
+
+    def answer(*arguments: Any) -> Any:
+        key = tuple(a.tobytes() if isinstance(a, np.ndarray) else a for a in arguments)
+        if key not in known:
+            known[key] = function(*arguments)
+        return known[key]
+
+    return answer
+
+
+DIAGNOSE, DIAGNOSE_CHANNELS = once(diagnose), once(diagnose_channels)
+
+
+@pytest.fixture(autouse=True)
+def places_are_diagnosed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A recording, or the same in another format, is given to most tests with other options."""
+    monkeypatch.setattr("hc_bringup.sites.diagnose", DIAGNOSE)
+    monkeypatch.setattr("hc_bringup.place_delay.diagnose_channels", DIAGNOSE_CHANNELS)
 
 
 def palpation(noise_n: float = 0.01) -> tuple[np.ndarray, ...]:

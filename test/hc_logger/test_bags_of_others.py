@@ -22,7 +22,8 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from hc_logger.convert import bag_to_bag, bag_to_csv
 from hc_logger.definitions import installed_definition
 from hc_logger.errors import BagError
-from hc_logger.foreign import ForeignBag, open_bag
+from hc_logger.foreign import open_bag
+from hc_logger.foreign_bag import ForeignBag
 from hc_logger.info import bag_info
 from hc_logger.playback import Playback
 from hc_logger.reader import BagReader

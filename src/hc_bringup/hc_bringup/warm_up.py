@@ -1,9 +1,8 @@
 """Compiles what the nodes need, once, so that the first run does not wait for it.
 
-`./hc` runs this at the end of the installation, in two processes of about the same length: one
-beside the compiler of the messages, which it does without, and one after it. The compiled code is
-kept in numba's cache beside the sources (or in the user's cache folder where those are not
-writable).
+`./hc` runs this during the installation, in two processes: one beside the other packages and the
+compiler of the messages, which it does without, and one after them. The compiled code is kept in
+numba's cache beside the sources (or in the user's cache folder where those are not writable).
 """
 
 from __future__ import annotations
