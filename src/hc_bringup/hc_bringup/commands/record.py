@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
+from typing import Any
 
 import yaml
 
@@ -26,9 +27,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "-d",
         "--max-bag-duration",
         type=seconds,
-        default=0.0,
         metavar="S",
-        help="new file after S s",
+        help="new file after S s, 0 for never (default: an hour)",
     )
     parser.add_argument(
         "-b",
@@ -53,13 +53,14 @@ def run(arguments: argparse.Namespace) -> int:
     for name in (*arguments.topics, *arguments.exclude):
         topic_name(name)
     bag = new_bag_folder(arguments.output, "-o")
-    parameters = {
+    parameters: dict[str, Any] = {
         "output": str(bag),
         "topics": ["*"] if arguments.all else arguments.topics,
         "exclude": arguments.exclude or [""],
-        "max_file_duration_s": arguments.max_bag_duration,
         "max_file_bytes": arguments.max_bag_size,
     }
+    if arguments.max_bag_duration is not None:
+        parameters["max_file_duration"] = arguments.max_bag_duration
     # A file, for on the command line of ROS a topic or a folder may read as something else.
     with tempfile.NamedTemporaryFile("w", suffix=".yaml", encoding="utf-8") as file:
         yaml.safe_dump({NODE_RECORDER: {"ros__parameters": parameters}}, file)
