@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from hc_bringup import warm_up
-from hc_estimator import available_filters
+from hc_estimator import available_filters, create_estimator
 
 
 @pytest.fixture
@@ -20,6 +20,7 @@ def compiled(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         return SimpleNamespace(warm_up=lambda: names.append(name))
 
     monkeypatch.setattr(warm_up, "create_estimator", create)
+    monkeypatch.setattr(warm_up, "compile_parts_of_default", list)
     return names
 
 
@@ -52,6 +53,15 @@ def test_of_two_each_compiles_what_the_other_has_not_begun(
     warm_up.main("ahead", str(tmp_path))
     assert compiled == list(warm_up.LONGEST[:2])
     assert sorted(compiled + of_rest) == sorted(available_filters())
+
+
+def test_parts_of_the_default_filter_are_compiled_as_it_calls_them() -> None:
+    """Else the work would be done twice, with other types."""
+    create_estimator(warm_up.DEFAULT).warm_up()
+    warm_up.compile_parts_of_default()
+    for kernel in warm_up.PARTS_OF_DEFAULT:
+        assert not kernel.stats.cache_misses, kernel
+        assert len(kernel._cache._cache_file._load_index()) == 1, kernel
 
 
 def test_another_part_is_an_error() -> None:

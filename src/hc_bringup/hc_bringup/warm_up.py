@@ -2,18 +2,33 @@
 
 `./hc` runs this during the installation, in two processes: one beside the other packages and the
 compiler of the messages, which it does without, and one after them. Each takes the next filter
-that neither has begun, so that they end together. The compiled code is kept in numba's cache
-beside the sources (or in the user's cache folder where those are not writable).
+that neither has begun, so that they end together; the second begins with parts of the default
+filter, which alone is more than half of the work, from the last that the first comes to. The
+compiled code is kept in numba's cache beside the sources (or in the user's cache folder where
+those are not writable).
 """
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
+
+import numba
 
 from hc_estimator import available_filters, create_estimator
+from hc_estimator.multiple_model import alignment, another_place, batch_fit, moving_fit, zero_fit
 
-LONGEST = ("self_tuning_ukf", "rbpf", "sir_pf")
+DEFAULT = "self_tuning_ukf"
+PARTS_OF_DEFAULT: tuple[Any, ...] = (
+    alignment._look_for_delay,
+    moving_fit.look,
+    zero_fit.look,
+    batch_fit.update,
+    another_place.look,
+)
+"""Kernels of settings and memory, the last that the default filter comes to first."""
+LONGEST = (DEFAULT, "rbpf", "sir_pf")
 """The filters that take longest to compile, which one of the processes begins with."""
 DEFAULT_SCENARIO = "multisine"
 PARTS = ("ahead", "rest")
@@ -38,10 +53,19 @@ def main(part: str | None = None, taken: str | None = None) -> None:
 
         Rig(DEFAULT_SCENARIO).warm_up()
         RowsEncoder().warm_up()
+        compile_parts_of_default()
     others = [name for name in available_filters() if name not in LONGEST]
     for name in [*LONGEST, *reversed(others)] if part == "ahead" else [*others, *LONGEST[::-1]]:
         if taken is None or _take(Path(taken) / name):
             create_estimator(name).warm_up()
+
+
+def compile_parts_of_default() -> None:
+    """Compile the larger parts of the default filter as it calls them; it then finds them."""
+    estimator = create_estimator(DEFAULT)
+    records = tuple(numba.typeof(a).dtype for a in (estimator._settings, estimator._memory))
+    for kernel in PARTS_OF_DEFAULT:
+        kernel.compile(records)
 
 
 def _take(note: Path) -> bool:
