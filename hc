@@ -128,8 +128,11 @@ make_environment() {
 compile_ahead() { # beside what follows: the filters' code needs neither messages nor other packages
     [ -z "${ahead:-}" ] || return 0
     ahead_log=$environment/.compiling_ahead
+    taken=$environment/.compiling # which of the two processes compiles what
+    rm -rf "$taken"
+    mkdir "$taken"
     PYTHONSAFEPATH=1 PYTHONPATH="$root/src/hc_bringup:$root/src/hc_estimator:$root/src/hc_msgs_py" \
-        "$environment/bin/python" -m hc_bringup.warm_up ahead >"$ahead_log" 2>&1 &
+        "$environment/bin/python" -m hc_bringup.warm_up ahead "$taken" >"$ahead_log" 2>&1 &
     ahead=$!
     trap 'kill "$ahead" 2>/dev/null || true' EXIT
     trap 'exit 130' INT
@@ -142,7 +145,7 @@ make_messages() {
     run_logged 'compiling the messages' "$environment/bin/python" -m pip install --no-input \
         --disable-pip-version-check --no-deps --no-build-isolation --editable "$root"
     printf '[4/4] compiling what is left of the estimators\n' >&2
-    run_logged 'compiling the estimators' "$environment/bin/python" -m hc_bringup.warm_up rest
+    run_logged 'compiling the estimators' "$environment/bin/python" -m hc_bringup.warm_up rest "$taken"
     wait "$ahead" || {
         cat "$ahead_log" >>"$log"
         tail -n 15 "$ahead_log" >&2
