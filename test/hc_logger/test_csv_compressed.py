@@ -38,6 +38,9 @@ def test_a_compressed_table_is_read_as_what_is_in_it(tmp_path: Path, suffix: str
     np.testing.assert_array_equal(read.displacement_mm, expected.displacement_mm)
     np.testing.assert_array_equal(read.time_s, expected.time_s)
     assert csv_to_bag(packed, tmp_path / "bag") == 2000
+    for path in (plain, packed):
+        with pytest.raises(BagError, match="table in text: make a bag of it"):
+            open_bag(path)
 
 
 @pytest.mark.parametrize("suffix", COMPRESS)

@@ -23,6 +23,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata, Schema
 
+from hc_logger.csv_open import is_text
 from hc_logger.errors import BagError
 from hc_logger.mcap_chunk import CHUNK_HEAD, RECORD_HEAD, DamageError, Messages, parse, unpack
 from hc_logger.other_files import what_it_is
@@ -107,6 +108,8 @@ class McapFile:
         magic = self._stream.read(len(MAGIC))
         if magic != MAGIC:
             self._stream.close()
+            if magic and is_text(path):
+                raise BagError(f"{path} is a table in text: make a bag of it with hc bag convert")
             raise BagError(
                 f"{path} is empty: its recorder wrote nothing"
                 if not magic
