@@ -43,6 +43,22 @@ def test_wrong_zeros_are_found_at_the_first_touch(position, force_zero, plant):
     assert series.model_mismatch[-200:].mean() < 0.1
 
 
+@pytest.mark.parametrize("speed", [6.0, 25.0, 40.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_tool_that_rests_above_the_tissue_and_is_quick(seed, speed, plant):
+    """Regression: a force zero of ten deviations, and the first of the rise, passed for a tissue.
+
+    Of one that began 2.2 mm above, for a straight line through a second at rest and three readings
+    of contact says so; K was 97 % off to the end.
+    """
+    time, d = approach(rate=200.0, start=-0.73, speed=speed)
+    d = np.r_[np.full(200, d[0]), d[:-200]]
+    d_read, force = felt(plant, time, d, seed, force_zero=0.1)
+    series = hc.create_estimator("self_tuning_ukf").run(time, d_read, force)
+    assert np.max(np.abs(series.contact_position)) < 0.5
+    assert series.force_zero[-1] == pytest.approx(0.1, abs=MOVED)
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_zeros_that_are_right_are_not_moved(seed, plant):
     """Soft and hard tissue, slow and fast tools, with an approach and without."""

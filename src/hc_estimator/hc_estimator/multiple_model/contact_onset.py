@@ -27,13 +27,20 @@ from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector
 from hc_estimator.multiple_model import (
     air_window,
+    contact_rise,
     moving_delay,
     place_delay,
     zero_fit,
     zero_moves,
 )
 from hc_estimator.multiple_model import grid as grids
-from hc_estimator.multiple_model.air_window import FEWEST, SAME, SIGNIFICANT, SMALLEST_ZERO
+from hc_estimator.multiple_model.air_window import (
+    FEWEST,
+    SAME,
+    SIGNIFICANT,
+    SMALLEST_ZERO,
+)
+from hc_estimator.multiple_model.contact_rise import LARGEST_SHIFT
 from hc_estimator.multiple_model.delay_records import RAW
 from hc_estimator.multiple_model.hypotheses import DEPTH, SURFACE_ROW, VELOCITY, is_tried
 
@@ -53,17 +60,12 @@ SURELY = 2.0  # factor on the force that a law through the zero allows
 LARGEST_DELAY = 0.06  # of the channels while it is not known [s]
 # Of the contact position from the zero; and largest deviation of the tool's place [mm].
 LEAST_DISTANCE = 0.1
-FEWEST_RISING = 8  # readings of a force before the zero that was never seen free
-LEAST_RISE = 0.5  # of such a force, as a share of its mean
-CLEAR = 8.0  # deviations of its slope
-SPHERE = 1.5  # exponent (Hertz 1881)
 NOWHERE = 1e9  # [N]
 SPAN = 8  # readings over which the speed is taken in looking back
 # Deviation of the contact position, as a share of the way that the tool has gone in since then.
 HALF_WAY = 0.5  # the force became sure in between
 GUESSED = 0.35  # extrapolated with an exponent that is not known
 CLOSEST = 0.2  # smallest [mm]
-LARGEST_SHIFT = 20.0  # of a contact position; one further off is not set up [mm]
 LATEST = 3.0  # time from the last reading without force within which it must come [s]
 
 
@@ -169,6 +171,8 @@ def _take(
             air_window.clear(onset.rise)
         else:
             onset.highest_level = max(onset.highest_level, onset.window.mean[1])
+            if side > 0 and contact_rise.was_level(onset):
+                air_window.clear(onset.rise)
         air_window.clear(onset.window)
         if is_air and side > 0:
             onset.in_air = 1
@@ -205,9 +209,11 @@ def _take(
         distance += LARGEST_DELAY * abs(velocity)
     if onset.free == 0:
         surely = displacement < -distance or onset.rise.count >= IN_A_ROW
-        if surely and _rises(onset, displacement, force):
+        rises = surely and contact_rise.rises(onset, displacement, force)
+        # A force that is leaving what it was in the air rises as well: that is said first.
+        if rises and onset.upward == 0.0:
             onset.decided = 1
-            onset.shift[0] = _extrapolated(onset)
+            onset.shift[0] = contact_rise.extrapolated(onset)
             onset.position_deviation = GUESSED * (onset.rise.mean[0] - onset.shift[0])
             return True
         return False
@@ -284,35 +290,6 @@ def _contradicts(
         return False
     # No law through the zero that stays below the noise up to there rises so until here.
     return bool(force > SURELY * sure * (displacement / lowest) ** STEEPEST)
-
-
-@compiled
-def _rises(onset: Any, displacement: float, force: float) -> bool:
-    """Take a force that was there before the zero; True if it clearly grows with depth."""
-    rise = onset.rise
-    mean, moment = rise.mean, rise.moment
-    if rise.count == 0:
-        onset.rise_lowest = force
-        onset.rise_highest = force
-    onset.rise_lowest = min(onset.rise_lowest, force)
-    onset.rise_highest = max(onset.rise_highest, force)
-    air_window.add(rise, displacement, force)
-    if rise.count < FEWEST_RISING or moment[1] <= 0.0:
-        return False
-    if onset.rise_highest - onset.rise_lowest < LEAST_RISE * mean[1]:
-        return False
-    left = max(moment[2] - moment[1] * moment[1] / moment[0], 0.0) / (rise.count - 2)
-    if not moment[1] * moment[1] > CLEAR**2 * left * moment[0]:
-        return False
-    beyond = mean[0] - _extrapolated(onset)
-    return bool(beyond < LARGEST_SHIFT)
-
-
-@compiled
-def _extrapolated(onset: Any) -> float:
-    """Where a force that rises so begins, for the exponent of a sphere on an elastic half space."""
-    mean, moment = onset.rise.mean, onset.rise.moment
-    return mean[0] - SPHERE * mean[1] / (moment[1] / moment[0])  # type: ignore[no-any-return]
 
 
 @compiled
