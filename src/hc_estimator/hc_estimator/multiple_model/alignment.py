@@ -341,7 +341,8 @@ def _look_for_delay(settings: Any, bank: Any) -> None:
     if not (changes or refined):
         return
     change = finder.delay - before
-    if abs(change) <= BEGIN_ANEW:
+    # Velocities of points are moved by a tangent: some corrections on end are too much as well.
+    if abs(bank.history.realigned + change) <= BEGIN_ANEW:
         _correct_delay(bank, change)
         return
     if refined:

@@ -46,6 +46,7 @@ def reset(history: Any) -> None:
     history.waited = 0
     history.unfitted = 0
     history.fitted = 0
+    history.realigned = 0.0
     clear_vector(history.held)
 
 
@@ -76,6 +77,8 @@ def realign(history: Any, change: float) -> None:
         point[0] -= change * (point[5] - 0.5 * change * point[6])
         point[1] -= change * point[6]
         point[5] -= change * point[6]
+        point[8] -= change
+    history.realigned += change
 
 
 @compiled
@@ -117,7 +120,8 @@ def learn(history: Any, finder: Any, noise: Any) -> bool:
     point[5] = point[1] + place[6]
     point[6] = place[2]
     point[7] = WIDE if finder.neighbours < smoothing.FEWEST_NEIGHBOURS else UNKNOWN
-    point[8] = grids.time_of(finder, there)
+    # Not that of the grid's point: when the delay goes on to the next one, times would jump.
+    point[8] = grids.time_of(finder, there) + rest
     for i in range(MEMORIES):
         point[MEMORY + i] = history.memory[i]
     history.count += 1
@@ -169,7 +173,7 @@ def _look_around(history: Any, finder: Any, shift: int, rest: float, noise: Any)
     there = finder.grid_count - 1 - away
     if around < smoothing.FEWEST_NEIGHBOURS or there - around < max(finder.grid_count - GRID, 0):
         return
-    time = grids.time_of(finder, there)
+    time = grids.time_of(finder, there) + rest
     for k in range(history.count - 1, max(oldest(history), history.count - 2 - away) - 1, -1):
         point = history.points[k % POINTS]
         if abs(point[8] - time) < 0.5 * finder.grid_step:

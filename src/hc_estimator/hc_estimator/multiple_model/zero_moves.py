@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import Any
 
 from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model import delay_points, plausible
 from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model import plausible
 from hc_estimator.multiple_model.hypotheses import DEPTH
 
 
@@ -48,6 +48,7 @@ def move_readings(bank: Any) -> None:
         if (finder.delay > 0.0) == (i == 0):
             held.value -= shift
     displacement, force = onset.shift[0], onset.shift[1]
+    delay_points.move(finder, displacement, force)
     for m in range(bank.rows.shape[0]):
         bank.rows[m].state[DEPTH] -= displacement
     plausible.move(bank.tool, displacement, force)
