@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import hc_estimator as hc
-from hc_estimator.multiple_model import delay_evidence, levels, rows
+from hc_estimator.multiple_model import delay, delay_evidence, delay_points, levels, rows
 from hc_estimator.multiple_model.hypotheses import (
     ACCELERATION,
     EXPONENT,
@@ -88,7 +88,7 @@ def evidence_of(records_of, values, deviations, delay_s=IN_USE_S):
     bank = records_of(hc.create_estimator("self_tuning_ukf"))[1]
     finder, row = bank.delay, bank.rows[0]
     finder.delay = delay_s
-    finder.clear = 1  # the fit says a delay, and knows it hardly
+    # A fit has said a delay, and knows it hardly.
     finder.found = values[-1]
     finder.found_deviation = 0.1
     for w, (value, deviation) in enumerate(zip(values[:-1], deviations[:-1], strict=True)):
@@ -202,3 +202,22 @@ def test_the_derivatives_stay_small_where_little_is_known(recording, records_of)
             if row.active:
                 assert np.abs(row.by_delay[LOG_STIFFNESS:ACCELERATION]).max() < 200.0
                 assert abs(row.by_delay[ACCELERATION]) < 1e4  # the motion's own jerk is as much
+
+
+def test_a_delay_that_points_of_another_tissue_have_said_still_holds(records_of):
+    """Regression of 2026-11-28: presses on a surface that sinks, each of them another place.
+
+    The points of the place before are forgotten, and of the next one nothing was known yet but half
+    seconds beside the law: 45.7 ms were in use instead of 43.8, with 43.4 right.
+    """
+    values, deviations = np.full(4, 3.0e-3), np.full(4, 2e-4)
+    finder, bank_rows, row = evidence_of(records_of, values, deviations)
+    finder.found, finder.found_deviation = IN_USE_S, 2e-4
+    delay_points.forget(finder)
+    assert not delay_evidence.learn(finder, bank_rows, row)
+    delay.forget(finder)  # the zeros are others: what was said of it is not known to hold
+    finder.evidence_count = values.size - 1
+    row.delay_information = 1.0 / deviations[-1] ** 2
+    row.delay_score = (values[-1] - IN_USE_S) * row.delay_information
+    finder.evidence[:3, 0], finder.evidence[:3, 1] = values[:3], deviations[:3] ** 2
+    assert delay_evidence.learn(finder, bank_rows, row)

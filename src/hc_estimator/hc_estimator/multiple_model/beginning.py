@@ -195,7 +195,7 @@ def begin_with_zeros(settings: Any, bank: Any) -> None:
     bank.history.unfitted = bank.history.count
     bank.rows[FITTED].active = 0
     _go_on_moving(settings, bank)
-    delays.forget(bank.delay)
+    delays.begin_with_zeros(bank.delay)
     another_place.forget(bank.place)
     _choose_anew(bank)
 

@@ -85,7 +85,7 @@ def learn(finder: Any, rows: Any, row: Any) -> bool:
     mean, deviation = finder.fine[0], finder.fine[1] * math.sqrt(1.0 + 2.0 / freedom)
     if not abs(mean - finder.delay) < LINEAR or contradicted(finder, mean):
         return False
-    if finder.clear != 0:
+    if finder.found_deviation > 0.0:
         # Both come of the same readings: weighed by what they know, they do not know more.
         deviation = math.hypot(deviation, LAG * grids.slowest_period(finder))
         share = deviation**2 / (deviation**2 + finder.found_deviation**2)
@@ -101,9 +101,12 @@ def learn(finder: Any, rows: Any, row: Any) -> bool:
 
 @compiled
 def contradicted(finder: Any, delay: float) -> bool:
-    """True if the fit to the points that are kept clearly says another delay."""
+    """True if the last fit that was clear says another delay.
+
+    It is one of the sensors: that of another tissue, whose points are forgotten, still holds.
+    """
     largest = max(FAR * finder.found_deviation, ALIKE * finder.grid_step)
-    return bool(finder.clear != 0 and abs(finder.found - delay) > largest)
+    return bool(finder.found_deviation > 0.0 and abs(finder.found - delay) > largest)
 
 
 @compiled

@@ -57,6 +57,13 @@ def forget(finder: Any) -> None:
 
 
 @compiled
+def move(finder: Any, displacement: float, force: float) -> None:
+    """Let all points have zeros that are larger by so much [mm], [N]."""
+    finder.point[:, :, 0] -= displacement
+    finder.point_forces -= force
+
+
+@compiled
 def take(finder: Any) -> None:
     """Keep some points of a smoothed window whose contact is marked.
 
@@ -68,6 +75,7 @@ def take(finder: Any) -> None:
     if finder.first < finder.kept_from:
         return  # what was before is in this window
     centre, grid, smooths = CANDIDATES // 2, finder.grid, finder.smooth
+    origin = finder.grid_next - finder.grid_step * finder.grid_count  # time of point 0
     velocities, forces = finder.velocity_noise, finder.force_noise
     every = max(round(APART / finder.grid_step), 1)
     # Taps come back to the same phases: with another first point in each window these differ.
@@ -89,12 +97,11 @@ def take(finder: Any) -> None:
         slot = finder.kept % DELAY_POINTS
         for j in range(centre - finder.reach, centre + finder.reach + 1):
             smooth, point = smooths[(here - j + centre) % GRID], finder.point[slot, j]
-            depth, velocity = max(smooth[0], 0.2 * LEAST_DEPTH), smooth[column]
+            velocity = smooth[column]
             speed = max(abs(velocity), SLOWEST)
-            point[0] = math.log(depth)
+            point[0] = smooth[0]
             point[1] = math.log(speed)
             point[2] = math.copysign(speed, velocity)
-            point[3] = 1.0 / depth
         for i in range(4):
             near = (here + i - 1) % GRID
             finder.point_forces[slot, i] = grid[near, 3] if sharp else smooths[near, 3]
@@ -102,6 +109,7 @@ def take(finder: Any) -> None:
         flattened = max(flattened - SURELY * forces[1], 0.0)
         finder.point_force[slot, 2] = velocities[quick]
         finder.point_force[slot, 3] = forces[1] if sharp else forces[0] + flattened
+        finder.point_force[slot, 4] = origin + finder.grid_step * here
         finder.point_window[slot] = finder.windows
         finder.kept += 1
 
@@ -146,19 +154,35 @@ def shift(finder: Any, share: float) -> None:
 
 
 @compiled
-def go_both_ways(finder: Any, each: bool) -> bool:
-    """True if the points go deeper and back, neither five times as far as the other.
+def count_ways(finder: Any) -> int:
+    """How many ways, deeper or back, the points go, each by a fifth of their depths or more."""
+    count, centre = count_of(finder), CANDIDATES // 2
+    least, most = math.inf, -math.inf
+    for k in range(count):
+        depth = finder.point[k, centre, 0]
+        least, most = min(least, depth), max(most, depth)
+    far = LEAST_BACK * (most - least)
+    ways, way, gone = 0, 0.0, 0.0  # what was gone the way that is not the present one [mm]
+    for age in range(count):
+        k = (finder.kept - count + age) % DELAY_POINTS
+        step = APART * finder.point[k, centre, 2]
+        gone = max(gone - way * step, 0.0) if ways > 0 else gone + step
+        if abs(gone) > far:
+            way = -way if ways > 0 else math.copysign(1.0, gone)
+            ways += 1
+            gone = 0.0
+    return ways
 
-    Args:
-        finder: with the points.
-        each: True if they must do so within the half seconds, which then have a surface each.
-    """
+
+@compiled
+def go_both_ways(finder: Any) -> bool:
+    """True if the points go deeper and back within half seconds, neither five times as far."""
     count = count_of(finder)
     deeper, back, least, most = 0.0, 0.0, 0.0, 0.0
     window = -1
     for age in range(count):
         k = (finder.kept - count + age) % DELAY_POINTS
-        if each and finder.point_window[k] != window:
+        if finder.point_window[k] != window:
             least, most = least + min(deeper, back), most + max(deeper, back)
             deeper, back = 0.0, 0.0
             window = finder.point_window[k]

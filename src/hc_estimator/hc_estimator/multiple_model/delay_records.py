@@ -10,6 +10,8 @@ RAW = 256  # readings of each channel, for the local parabolas
 GRID = 80  # points of the grid: a window of half a second at 100 a second, and its margins
 NEIGHBOURS = 4  # points of the grid to either side that a smoothed one is made of, at most
 CANDIDATES = 15  # delays at steps of the grid, about zero
+AT_ZEROS = CANDIDATES + 1  # slot of the law at the delay found, with the zeros in use
+SLOTS = CANDIDATES + 2  # of laws: CANDIDATES itself is that of the delay found
 WINDOWS = 24  # half seconds of innovations that are remembered
 DELAY_POINTS = 240  # that are kept to fit the delay
 TEMPERED = 128  # half seconds that they may be of
@@ -41,12 +43,13 @@ DELAY = record_type(
         Field("wide", np.float64, (2,)),  # velocity and acceleration of one point by a wide cubic
         Field("in_contact", np.int64, (GRID,), 0, 1),
         Field("parabola", np.float64, (5,)),  # the last: mean square left
-        # Points that are kept, a ring; see `delay_points`. By the candidate: ln d, ln |v|, v, 1/d.
-        Field("point", np.float64, (DELAY_POINTS, CANDIDATES, 4)),
+        # Points that are kept, a ring; see `delay_points`. By the candidate: d, ln |v|, v.
+        Field("point", np.float64, (DELAY_POINTS, CANDIDATES, 3)),
         # [N]; from a step of the grid before to two after.
         Field("point_forces", np.float64, (DELAY_POINTS, 4)),
-        # Force [N] and its weight [1/N^2]; variances of the velocity's noise and of the force.
-        Field("point_force", np.float64, (DELAY_POINTS, 4)),
+        # Force [N] and its weight [1/N^2]; variances of the velocity's noise and of the force; time
+        # [s].
+        Field("point_force", np.float64, (DELAY_POINTS, 5)),
         Field("point_window", np.int64, (DELAY_POINTS,), 0),  # that it is of
         # Variances of depth and force, smoothed and as in `grid`; of the velocity by a parabola, by
         # a cubic, and as in `grid`.
@@ -60,27 +63,32 @@ DELAY = record_type(
         Field("clear", np.int64, (), 0, 1),  # 1 if it said a delay clearly
         Field("fits", np.int64, (), 0, 1),  # 1 if the best of it leaves no more than noise
         Field("varies", np.int64, (), 0, 1),  # 1 if each window has a K of its own
+        Field("zeros", np.int64, (), 0, 1),  # 1 if surface and zero of the force are unknown
         Field("chosen", np.int64, (), 0, CANDIDATES - 1),  # candidate that leaves least
         Field("found", np.float64),  # delay [s]
-        Field("found_deviation", np.float64, (), 0.0),  # of it [s]
-        Field("law", np.float64, (CANDIDATES + 1, 4)),  # K, B / K, n, p; the last at the delay
-        Field("left", np.float64, (CANDIDATES + 1,), finite=False),  # weighted squares left
-        Field("score", np.float64, (CANDIDATES + 1,)),  # derivative of half of them [1/s]
-        Field("information", np.float64, (CANDIDATES + 1,), 0.0),  # on the delay [1/s^2]
-        Field("bend", np.float64, (CANDIDATES + 1,), 0.0),  # of the squares, by the delay [1/s^2]
-        Field("noise_share", np.float64, (CANDIDATES + 1,), 0.0),  # of what shows B
+        Field("found_deviation", np.float64, (), 0.0),  # of it; 0: not known [s]
+        Field("found_of", np.int64, (), 0),  # by how many points
+        # K, B / K, n, p, position [mm] and speed [mm/s] of the surface, zero of the force over K.
+        Field("law", np.float64, (SLOTS, 7)),
+        Field("kept_law", np.float64, (SLOTS, 7)),
+        Field("surface_time", np.float64),  # at which it has that position [s]
+        Field("left", np.float64, (SLOTS,), finite=False),  # weighted squares left
+        Field("score", np.float64, (SLOTS,)),  # derivative of half of them [1/s]
+        Field("information", np.float64, (SLOTS,), 0.0),  # on the delay [1/s^2]
+        Field("bend", np.float64, (SLOTS,), 0.0),  # of the squares, by the delay [1/s^2]
+        Field("noise_share", np.float64, (SLOTS,), 0.0),  # of what shows B
         Field("place", np.float64),  # of the delay, in candidates
         # Within one fit:
         Field("squares", np.float64),  # of the last law tried
         # Of the velocity, from what is known of b, n and p (times a logarithm, of either sign).
         Field("noise_taken", np.float64, (3,)),
-        Field("trial", np.float64, (4,)),
-        Field("direction", np.float64, (3,)),
-        Field("normal", np.float64, (4, 4)),
-        Field("slope", np.float64, (4,)),
-        Field("column", np.float64, (4,)),
+        Field("trial", np.float64, (7,)),
+        Field("direction", np.float64, (6,)),
+        Field("normal", np.float64, (7, 7)),
+        Field("slope", np.float64, (7,)),
+        Field("column", np.float64, (7,)),
         Field("sums_of_k", np.float64, (9,)),  # of the points with one K
-        Field("moments", np.float64, (7, 4)),
+        Field("moments", np.float64, (10, 7)),
         Field("window_left", np.float64, (TEMPERED,), finite=False),  # weighted squares of each
         Field("window_points", np.int64, (TEMPERED,), 0),
         Field("window_added", np.int64, (), 0),  # the one that is being added up
