@@ -140,7 +140,7 @@ compile_ahead() { # beside what follows: the filters' code needs neither message
 }
 
 make_messages() {
-    printf '[3/4] compiling the messages and the estimators (one to two minutes)\n' >&2
+    printf '[3/4] compiling the messages and the estimators (three to four minutes)\n' >&2
     compile_ahead
     run_logged 'compiling the messages' "$environment/bin/python" -m pip install --no-input \
         --disable-pip-version-check --no-deps --no-build-isolation --editable "$root"
