@@ -109,7 +109,11 @@ def learn_window(settings: Any, finder: Any, sensor_noise: Any, moves: bool) -> 
         clear = ways >= WAYS
         if clear:
             delay_candidates.fit(settings, finder, count, ways > WAYS)
-            clear = _is_asked(finder, count, ways, moves) and _is_clear(finder, count)
+            before, deviation = finder.found, finder.found_deviation
+            clear = _is_clear(finder, count)
+            if clear and not _is_asked(finder, count, ways, moves):
+                clear = False
+                finder.found, finder.found_deviation = before, deviation
             if clear:
                 finder.found_of = count
             elif count >= finder.found_of:
@@ -132,15 +136,17 @@ def _is_asked(finder: Any, count: int, ways: int, moves: bool) -> bool:
     """True if what was fitted can say a delay: nothing else is known to explain it.
 
     Args:
-        finder: with the fits.
+        finder: with the fits, and the delay that they say clearly.
         count: number of points.
         ways: that the tool has gone.
         moves: True if the surface moves, so that one for each half second says nothing.
     """
     if finder.varies != 0:
         return not moves and delay_points.go_both_ways(finder)
-    # What is left of two ways by a law at the zeros as given may be of zeros that are off.
-    return bool(ways > WAYS or finder.left[CANDIDATES] < FITS * count)
+    # What is left of two ways by a law at the zeros as given may be of zeros that are off: that
+    # looks like a delay, and not like none.
+    none = finder.delay == 0.0 and abs(finder.found) < BEGINS * finder.found_deviation
+    return bool(ways > WAYS or finder.left[CANDIDATES] < FITS * count or none)
 
 
 @compiled
