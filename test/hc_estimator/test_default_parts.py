@@ -199,6 +199,25 @@ def test_the_fit_is_that_of_scipy_with_the_same_prior(seed, parts):
     np.testing.assert_allclose(np.sqrt(np.diag(found)), deviations, rtol=0.2)
 
 
+def test_what_no_law_explains_weighs_alike_at_all_depths(parts):
+    """Regression: by the sensors' noise alone shallow and slow points said what deep ones do."""
+    options, bank = parts
+    depth, velocity = press(np.random.default_rng(0))
+    truth = law(depth, velocity, in_logarithms(TISSUE))
+    force = truth * np.where(velocity > 0.0, 1.05, 0.95)  # hysteresis
+    remember(bank, depth, velocity, force)
+    bank.history.fit[:] = in_logarithms(TISSUE)
+    left = fit_to(options, bank.history, 1e-6, 1e-2, 300.0)
+
+    def residuals(values):
+        return law(depth, velocity, values) - force
+
+    least = least_squares(residuals, in_logarithms(TISSUE)).fun
+    missed = np.mean(residuals(bank.history.fit) ** 2)
+    assert missed < 1.02 * np.mean(least**2)
+    assert left == pytest.approx(missed, rel=0.2)
+
+
 @pytest.mark.parametrize("held", [(1, 3), (3,)], ids=["one_velocity", "there_and_back"])
 def test_noise_of_the_velocity_is_no_knowledge(held, parts):
     """One velocity shows neither B nor p, two of opposite sign show B; its noise shows neither."""

@@ -74,6 +74,28 @@ def test_the_fit_goes_on_where_it_explains_the_last_contact_better(row, bank_of)
         np.testing.assert_allclose(bank.rows[m].state[LOG_STIFFNESS : LOG_STIFFNESS + 4], TISSUE)
 
 
+@pytest.mark.parametrize(("factor", "chosen"), [(1.1, FITTED), (1.0, 0)])
+def test_constant_tissue_has_to_explain_all_of_the_contact(factor, chosen, bank_of):
+    """Regression: after a first press on tissue that relaxes K had doubled on the way back."""
+    options, bank = bank_of(0, TISSUE + np.log([factor, factor, 1.0, 1.0]), TISSUE)
+    lift_off.review(options, bank)
+    assert bank.judge.chosen == chosen
+    np.testing.assert_allclose(bank.rows[0].state[LOG_STIFFNESS : LOG_STIFFNESS + 4], TISSUE)
+
+
+def test_the_fit_that_goes_on_knows_the_end_of_the_contact(bank_of):
+    """The latest points were in no fit yet, and the row had filtered on without them."""
+    options, bank = bank_of(FITTED, TISSUE, STIFFER)
+    bank.history.first = COUNT
+    bank.history.fit[:] = TISSUE
+    bank.history.fitted = 1
+    bank.history.unfitted = COUNT
+    lift_off.review(options, bank)
+    assert bank.history.unfitted == 0
+    state = bank.rows[FITTED].state[LOG_STIFFNESS : LOG_STIFFNESS + 4]
+    np.testing.assert_allclose(state, TISSUE, atol=0.05)
+
+
 def test_the_fit_is_asked_and_not_a_row_that_went_astray(bank_of):
     """Regression: the fitted row had begun anew with the one that drifts just before."""
     options, bank = bank_of(TREND_ROW, STIFFER, STIFFER)

@@ -57,6 +57,10 @@ RAREST = 0.5  # time in contact after which it is made anew in any case [s]
 # unless that is no more than the noise, given by a factor of its variance.
 LARGEST_MISFIT = 0.2
 SMALL_MISFIT = 4.0
+# What a law that does not fit misses is a noise of the force as well, as large at any depth: by the
+# weights of the sensors' noise alone the shallow and slow points would say what the deep ones do.
+MISFITS = 2.0  # squares left, in those of the noise, from which on it is counted so
+MISFIT_PASSES = 2
 
 
 @compiled
@@ -73,13 +77,27 @@ def update(settings: Any, bank: Any) -> bool:
     Returns:
         True if the points were fitted anew.
     """
-    history, finder, constant, row = bank.history, bank.delay, bank.rows[0], bank.rows[FITTED]
+    history, finder = bank.history, bank.delay
     if not histories.learn(history, finder, bank.sensor_noise):
         return False
     count = history.count - histories.oldest(history)
     due = min(SHARE * count * history.every, RAREST / finder.grid_step)
     if count < FEWEST or history.unfitted < due:
         return False
+    renew(settings, bank)
+    return True
+
+
+@compiled
+def renew(settings: Any, bank: Any) -> None:
+    """Fit the remembered points anew; the fitted row takes the fit, or is switched off.
+
+    Args:
+        settings: settings record.
+        bank: the fit and the fitted row are changed.
+    """
+    history, finder, constant, row = bank.history, bank.delay, bank.rows[0], bank.rows[FITTED]
+    count = history.count - histories.oldest(history)
     history.unfitted = 0
     if history.fitted == 0:
         for i in range(4):
@@ -92,7 +110,7 @@ def update(settings: Any, bank: Any) -> bool:
         row.active = 0
         _forget(history)
         histories.forget_older_half(history)
-        return True
+        return
     if row.active == 0:
         row.active = 1
         # A copy of one that waits waits too.
@@ -102,7 +120,6 @@ def update(settings: Any, bank: Any) -> bool:
     history.fitted = 1
     history.left = left if left > SMALLEST_SHARE * bank.sensor_noise[1] else 0.0
     give(history, constant, row)
-    return True
 
 
 @compiled
@@ -217,6 +234,16 @@ def _fit(
     largest = LARGEST_MISFIT**2 * _mean_square_force(history)
     if not left < max(largest, SMALL_MISFIT):
         return -1.0
+    missed = 0.0
+    for _ in range(MISFIT_PASSES if left > MISFITS else 0):
+        missed = max(missed + (left - 1.0) * total / count, 0.0)
+        total = weigh(settings, history, force_noise + missed)
+        squares = gather(settings, history, history.fit)
+        squares = improve(settings, history, 1.0, squares)
+        if not math.isfinite(squares):
+            return -1.0
+        left = squares / count
+    left = max(left, 1.0)
     clear_vector(history.held)
     if not _is_gathered(history):
         gather(settings, history, history.fit)
@@ -226,7 +253,7 @@ def _fit(
     take_off_velocity_noise(settings, history, 1.0 / left, independent)
     if not widen(settings, history, 1.0 / left) or not _is_finite(history):
         return -1.0
-    return float((left - 1.0) * total / count)
+    return float(missed + (left - 1.0) * total / count)
 
 
 @compiled

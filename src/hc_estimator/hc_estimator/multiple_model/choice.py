@@ -167,6 +167,18 @@ def _cost(row: Any) -> float:
 
 
 @compiled
+def _is_doubtful(judge: Any, row: Any, best_still: float) -> bool:
+    """True for a surface that was not chosen yet, and predicts no better than one that stays.
+
+    Whether what stays is consistent is not asked: at the first retreat nothing is, of a tissue that
+    relaxes, and a surface that sinks explains one way there and one back, whatever is wrong.
+    """
+    if not SURFACE[row.index] or row.index == judge.chosen:
+        return False
+    return bool(SURFACE_GAIN * _cost(row) > best_still)
+
+
+@compiled
 def _is_steady(row: Any, clock: float) -> bool:
     """True if the row has gone on for long: for half a breath an organ sinks steadily, too."""
     return bool(clock - max(row.since, 0.0) >= STEADY_TIME)
@@ -193,7 +205,8 @@ def choose(settings: Any, judge: Any, rows: Any, tool: Any, clock: float) -> Non
             continue
         if _is_eligible(rows[m], clock, steadiest, likeliest):
             best = min(best, _cost(rows[m]))
-            best_still = best_still if SURFACE[m] else min(best_still, _cost(rows[m]))
+        if not SURFACE[m] and counts(rows[m], clock):
+            best_still = min(best_still, _cost(rows[m]))
     for m in range(FRESH):
         rows[m].score = min(rows[m].score, FORGIVEN * best)
     for m in range(asked):
@@ -203,7 +216,7 @@ def choose(settings: Any, judge: Any, rows: Any, tool: Any, clock: float) -> Non
         goes_on = SURFACE[m] and m == judge.chosen
         margin = MISFIT_MARGIN if m <= FITTED or goes_on else FREE_MARGIN
         fits = row.model_error == 0.0 and _cost(row) <= margin * best
-        fits = fits and (not SURFACE[m] or goes_on or SURFACE_GAIN * _cost(row) <= best_still)
+        fits = fits and not _is_doubtful(judge, row, best_still)
         if fits and _is_eligible(row, clock, steadiest, likeliest):
             best_fitting = min(best_fitting, _cost(row))
     must_fit = best_fitting < math.inf
@@ -211,6 +224,8 @@ def choose(settings: Any, judge: Any, rows: Any, tool: Any, clock: float) -> Non
     for m in range(FRESH):
         row = rows[m]
         if REFINES[m] or (must_fit and row.model_error > 0.0):
+            continue
+        if _is_doubtful(judge, row, best_still):
             continue
         likelier = must_fit and row.log_likelihood >= likeliest + REFUTED
         if stands_by(judge, m) and not (likelier and _is_steady(row, clock)):

@@ -33,7 +33,7 @@ SPECIFICATIONS = (
     ),
 )
 
-AWAY_TIME = 1.0  # without contact until it is asked [s]
+AWAY_TIME = 0.1  # without contact until it is asked [s]
 PAUSE = 0.3  # between two points from which on they are of two contacts [s]
 FEWEST = 12  # points
 # Squares left by the fit over those left by the row, and those of the row over those of the forces,
@@ -60,18 +60,22 @@ def review(settings: Any, bank: Any) -> None:
     """
     rows, judge, history = bank.rows, bank.judge, bank.history
     fitted, chosen = rows[FITTED], rows[judge.chosen]
-    drifts = judge.chosen > FITTED and not SURFACE[judge.chosen]
-    if settings.review_contact == 0 or fitted.active == 0 or not drifts:
+    if settings.review_contact == 0 or fitted.active == 0 or SURFACE[judge.chosen]:
+        return
+    if history.unfitted > 0:
+        batch_fit.renew(settings, bank)
+    if history.fitted != 0:  # the row may have filtered on, or begun anew with the chosen one
+        batch_fit.give(history, rows[0], fitted)
+    if fitted.active == 0 or judge.chosen == FITTED:
         return
     first = _begin_of_contact(history)
     if history.count - first < FEWEST:
         return
     points, last = history.points, history.count
     left = squares_left(settings, points, first, last, chosen)
-    if left < FAR_OFF**2 * squared_forces(points, first, last):
+    # Constant tissue claims to explain all of it.
+    if judge.chosen > FITTED and left < FAR_OFF**2 * squared_forces(points, first, last):
         return
-    if history.fitted != 0:  # the row itself may have begun anew with the chosen one since
-        batch_fit.give(history, rows[0], fitted)
     if squares_left(settings, points, first, last, fitted) > CLEARLY**2 * left:
         return
     judging.go_on_with_fit(judge, rows, bank.tool.contact_clock)
