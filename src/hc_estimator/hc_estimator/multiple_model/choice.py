@@ -225,7 +225,7 @@ def choose(settings: Any, judge: Any, rows: Any, tool: Any, clock: float) -> Non
         row = rows[m]
         if REFINES[m] or (must_fit and row.model_error > 0.0):
             continue
-        if _is_doubtful(judge, row, best_still):
+        if not must_fit and _is_doubtful(judge, row, best_still):
             continue
         likelier = must_fit and row.log_likelihood >= likeliest + REFUTED
         if stands_by(judge, m) and not (likelier and _is_steady(row, clock)):

@@ -73,10 +73,12 @@ def review(settings: Any, bank: Any) -> None:
         return
     points, last = history.points, history.count
     left = squares_left(settings, points, first, last, chosen)
-    # Constant tissue claims to explain all of it.
-    if judge.chosen > FITTED and left < FAR_OFF**2 * squared_forces(points, first, last):
+    # Constant tissue claims to explain all of it, and what does not fit claims nothing.
+    fits, drifts = chosen.model_error == 0.0, judge.chosen > FITTED
+    if fits and drifts and left < FAR_OFF**2 * squared_forces(points, first, last):
         return
-    if squares_left(settings, points, first, last, fitted) > CLEARLY**2 * left:
+    largest = CLEARLY**2 * left if fits else left
+    if squares_left(settings, points, first, last, fitted) > largest:
         return
     judging.go_on_with_fit(judge, rows, bank.tool.contact_clock)
 
