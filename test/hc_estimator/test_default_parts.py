@@ -207,7 +207,7 @@ def test_what_no_law_explains_weighs_alike_at_all_depths(parts):
     force = truth * np.where(velocity > 0.0, 1.05, 0.95)  # hysteresis
     remember(bank, depth, velocity, force)
     bank.history.fit[:] = in_logarithms(TISSUE)
-    left = fit_to(options, bank.history, 1e-6, 1e-2, 300.0)
+    left = fit_to(options, bank.history, 1e-8, 1e-3, 300.0)
 
     def residuals(values):
         return law(depth, velocity, values) - force

@@ -83,19 +83,6 @@ def test_constant_tissue_has_to_explain_all_of_the_contact(factor, chosen, bank_
     np.testing.assert_allclose(bank.rows[0].state[LOG_STIFFNESS : LOG_STIFFNESS + 4], TISSUE)
 
 
-def test_the_fit_that_goes_on_knows_the_end_of_the_contact(bank_of):
-    """The latest points were in no fit yet, and the row had filtered on without them."""
-    options, bank = bank_of(FITTED, TISSUE, STIFFER)
-    bank.history.first = COUNT
-    bank.history.fit[:] = TISSUE
-    bank.history.fitted = 1
-    bank.history.unfitted = COUNT
-    lift_off.review(options, bank)
-    assert bank.history.unfitted == 0
-    state = bank.rows[FITTED].state[LOG_STIFFNESS : LOG_STIFFNESS + 4]
-    np.testing.assert_allclose(state, TISSUE, atol=0.05)
-
-
 def test_the_fit_is_asked_and_not_a_row_that_went_astray(bank_of):
     """Regression: the fitted row had begun anew with the one that drifts just before."""
     options, bank = bank_of(TREND_ROW, STIFFER, STIFFER)
