@@ -267,6 +267,12 @@ ONSET = record_type(
         # The window in which the force stays the same:
         Field("window", WINDOW),
         Field("highest_level", np.float64),  # largest mean of a window that was not in the air [N]
+        Field("lowest_level", np.float64),  # smallest [N]
+        # Level to which the force comes down between two contacts, and variance of that mean [N],
+        # [N^2]; 0: none yet.
+        Field("floor", np.float64),
+        Field("floor_variance", np.float64, (), 0.0),
+        Field("floor_time", np.float64),  # of the latest [s]
         Field("upward", np.float64, (), 0.0),  # cumulative sums
         Field("downward", np.float64, (), 0.0),
         Field("fastest", np.float64),  # velocity [mm/s]
