@@ -25,7 +25,8 @@ DOWN = 0.8  # share of its travel in the air below which the tool was when the f
 WILDEST = 4.0  # scatter of a working sensor in the air over its noise variance
 AFTER = 2.0  # forces that are sure, by which a contact has pushed more than this
 FEWEST_AGAIN, LEAST_AGAIN = 10, 0.2  # readings and travel in the air between two contacts [mm]
-FLOOR_SHARE = 0.1  # of the largest force, that a zero is off at most
+FLOOR_SHARE = 0.05  # of the largest force, that a zero is off at most
+STEEPEST = 3.0  # exponent of a tissue
 LATEST = 3.0  # time within which a second visit to the floor is waited for [s]
 NOWHERE = 1e9  # [N]
 
@@ -34,6 +35,7 @@ NOWHERE = 1e9  # [N]
 def reset(onset: Any) -> None:
     """No level of the force is known."""
     onset.highest_level = -NOWHERE
+    onset.highest_at = 0.0
     onset.lowest_level = NOWHERE
     onset.floor = 0.0
     onset.floor_variance = 0.0
@@ -41,9 +43,13 @@ def reset(onset: Any) -> None:
 
 @compiled
 def note(onset: Any) -> None:
-    """Note the lowest level of the force; a floor that was higher is none."""
-    if onset.window.count >= SETTLING:
-        onset.lowest_level = min(onset.lowest_level, onset.window.mean[1])
+    """Note the highest and the lowest level of the force: a floor that was higher is none."""
+    window = onset.window
+    if window.mean[1] > onset.highest_level:
+        onset.highest_level = window.mean[1]
+        onset.highest_at = window.mean[0]
+    if window.count >= SETTLING:
+        onset.lowest_level = min(onset.lowest_level, window.mean[1])
 
 
 @compiled
@@ -140,14 +146,19 @@ def is_floor(onset: Any, noise: Any, sure: float) -> bool:
         sure: beyond which there is a force [N].
     """
     inside, level = onset.inside, onset.inside.mean[1]
-    if inside.count < FEWEST_AGAIN or not air_window.travels(inside, noise, LEAST_AGAIN):
+    # On the way back damping may hide what the depth does to a force.
+    if inside.count < FEWEST_AGAIN or onset.inside_at - inside.lowest < LEAST_AGAIN:
+        return False
+    if not air_window.travels(inside, noise, LEAST_AGAIN):
         return False
     if onset.highest_level <= level + AFTER * sure or level > onset.lowest_level + sure:
         return False
-    calm = air_window.is_calm(inside, onset.inside_variance, WILDEST)
-    if not calm or abs(level) > FLOOR_SHARE * onset.highest_level:
+    # A force within the noise is no reason to look for another zero.
+    if not sure < abs(level) < FLOOR_SHARE * onset.highest_level:
         return False
-    if not air_window.stays_the_same(inside):
+    if not air_window.is_calm(inside, onset.inside_variance, WILDEST):
+        return False
+    if not air_window.stays_the_same(inside) or _may_be_tissue(onset, level):
         return False
     variance, before = air_window.scatter_of(inside) / inside.count, onset.floor_variance
     off = level - onset.floor
@@ -160,14 +171,22 @@ def is_floor(onset: Any, noise: Any, sure: float) -> bool:
 
 
 @compiled
-def is_open(onset: Any, time: float, least: float) -> bool:
-    """True if the force has been down to a level that is not zero, once, and not long ago.
+def _may_be_tissue(onset: Any, level: float) -> bool:
+    """True if a tissue that pushes so much might not have been seen to push more on the way.
 
-    Args:
-        onset: its record.
-        time: of now [s].
-        least: level that is one [N].
+    With the highest force where that was, the least slope of a law d^n with n up to `STEEPEST`.
     """
-    if onset.floor_variance == 0.0 or time - onset.floor_time > LATEST:
+    inside, way = onset.inside, onset.highest_at - onset.inside.mean[0]
+    if level < 0.0:
         return False
-    return bool(abs(onset.floor) > max(SIGNIFICANT * math.sqrt(onset.floor_variance), least))
+    if not way > 0.0:
+        return True
+    steps = (onset.highest_level / level) ** (1.0 / STEEPEST) - 1.0
+    slope = STEEPEST * steps * level / way
+    return bool(slope < 2.0 * SAME * math.sqrt(air_window.scatter_of(inside) / inside.moment[0]))
+
+
+@compiled
+def is_open(onset: Any, time: float) -> bool:
+    """True if the force has been down to a level that is not zero, once, and not long ago."""
+    return bool(onset.floor_variance > 0.0 and time - onset.floor_time < LATEST)

@@ -36,6 +36,7 @@ from hc_estimator.multiple_model import (
 )
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model.air_window import SIGNIFICANT, SMALLEST_ZERO
+from hc_estimator.multiple_model.contact_level import STEEPEST
 from hc_estimator.multiple_model.contact_rise import LARGEST_SHIFT
 from hc_estimator.multiple_model.delay_records import RAW
 from hc_estimator.multiple_model.hypotheses import DEPTH, SURFACE_ROW, VELOCITY, is_tried
@@ -43,7 +44,6 @@ from hc_estimator.multiple_model.hypotheses import DEPTH, SURFACE_ROW, VELOCITY,
 SURE = 5.0  # deviations of the force sensor beyond which there is a force
 IN_A_ROW = 3  # readings that must say so
 GROWTH = 1.5  # of the force since it was first sure
-STEEPEST = 3.0  # exponent of a tissue
 SURELY = 2.0  # factor on the force that a law through the zero allows
 LARGEST_DELAY = 0.06  # of the channels while it is not known [s]
 # Of the contact position from the zero; and largest deviation of the tool's place [mm].
@@ -77,6 +77,7 @@ def restart(onset: Any) -> None:
     onset.about_time = math.nan
     onset.free = 0
     onset.in_air = 0
+    onset.at_floor = 0
     onset.force_seen = 0
     onset.touched = 0
     onset.contradictions = 0
@@ -157,21 +158,22 @@ def _take(
         if is_air or contact_level.is_step(onset, noise, side, displacement):
             air_window.clear(onset.rise)
         else:
-            onset.highest_level = max(onset.highest_level, onset.window.mean[1])
             contact_level.note(onset)
-        if side > 0 and not is_air and contact_level.is_floor(onset, noise, sure):
-            level, deviation = onset.floor, math.sqrt(onset.floor_variance)
-            if abs(level) > max(SIGNIFICANT * deviation, SMALLEST_ZERO * sure / SURE):
-                restart(onset)
-                onset.looked_back = 1
-                onset.shift[1] = level
-                onset.force_deviation = deviation
-                return True
             if side > 0 and contact_rise.was_level(onset):
                 air_window.clear(onset.rise)
+        if side > 0 and not is_air and contact_level.is_floor(onset, noise, sure):
+            level, deviation = onset.floor, math.sqrt(onset.floor_variance)
+            restart(onset)
+            onset.looked_back = 1
+            onset.in_air = 1
+            onset.at_floor = 1
+            onset.shift[1] = level
+            onset.force_deviation = deviation
+            return True
         air_window.clear(onset.window)
         if is_air and side > 0:
             onset.in_air = 1
+            onset.at_floor = 0
             onset.free = 1
             onset.free_at = onset.inside_at
             onset.free_time = onset.inside_time
@@ -187,7 +189,7 @@ def _take(
         onset.first_force = 0.0
         if onset.force_seen != 0:
             onset.touched = 1
-        if onset.in_air == 0:  # else the place where the force left its mean is closer
+        if not _is_air_seen(onset):  # else the place where the force left its mean is closer
             onset.free = 1
             onset.free_at = displacement
             onset.free_time = time
@@ -197,7 +199,7 @@ def _take(
         onset.first_time = time
     if force < SURELY * sure or not is_tried(settings, SURFACE_ROW):
         return False
-    if contact_level.is_open(onset, time, SMALLEST_ZERO * sure / SURE):
+    if contact_level.is_open(onset, time):
         return False
     onset.force_seen = 1
     near = LEAST_DISTANCE + SURE * deviation
@@ -236,6 +238,12 @@ def _take(
     onset.shift[0] = onset.free_at
     onset.position_deviation = max(CLOSEST, HALF_WAY * (displacement - lowest))
     return True
+
+
+@compiled
+def _is_air_seen(onset: Any) -> bool:
+    """True if the tool came down in the air before this contact, so that its place is known."""
+    return bool(onset.in_air != 0 and onset.at_floor == 0)
 
 
 @compiled
@@ -284,7 +292,7 @@ def _contradicts(
     if highest < -near:
         return True
     # Later on a force is absent where the tool leaves faster than the tissue follows.
-    if onset.in_air == 0 or onset.touched != 0 or lowest < near:
+    if not _is_air_seen(onset) or onset.touched != 0 or lowest < near:
         return False
     # No law through the zero that stays below the noise up to there rises so until here.
     return bool(force > SURELY * sure * (displacement / lowest) ** STEEPEST)

@@ -57,6 +57,7 @@ def move_readings(bank: Any) -> None:
     onset.free_at -= displacement
     onset.about -= displacement
     onset.highest_level -= force
+    onset.highest_at -= displacement
     onset.lowest_level -= force
     onset.floor -= force
     if force != 0.0:
