@@ -190,19 +190,12 @@ def test_a_tissue_that_lets_go_of_the_tool_is_not_left(seed):
 
 
 @pytest.mark.parametrize("speed", [-0.05, -0.02, 0.02, 0.05])
-def test_taps_on_a_surface_that_sinks_are_with_one_place(speed):
+def test_taps_on_a_surface_that_sinks_are_with_one_place(speed, taps):
     """Regression of 2026-11-28: each tap was another place, and K no better than one tap says.
 
     A change was called now and then, and the misfit told in a third of the time.
     """
-    draw = np.random.default_rng(3)
-    time = np.arange(0.0, 15.0, 0.002)
-    depth = 0.9 + 1.4 * np.sin(8.2 * time) + 0.14 * np.sin(27.0 * time)
-    velocity = np.gradient(depth, time)
-    law = 0.25 + 0.004 * np.sign(velocity) * np.abs(velocity) ** 0.95
-    force = np.maximum(depth, 0.0) ** 1.35 * np.maximum(law, 0.0)
-    reading = depth + speed * time + 0.0025 * draw.standard_normal(time.size)
-    force = force + 0.002 * draw.standard_normal(time.size)
+    time, reading, force = taps(3, lambda time: speed * time)
     series = hc.create_estimator(FILTER).run(time, reading, force)
     settled = time > 6.0
     off = np.abs(np.log(series.parameters[settled, 0] / 0.25))
