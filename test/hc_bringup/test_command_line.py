@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hc_bringup.cli import COMMANDS, main
-from hc_bringup.commands.estimate import COLUMNS
+from hc_bringup.estimate_table import COLUMNS
 from hc_msgs_py.interface_class import interface_class
 
 

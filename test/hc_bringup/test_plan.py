@@ -122,6 +122,15 @@ def test_refuses_a_missing_file(tmp_path: Path) -> None:
         load_plan(tmp_path / "no.yaml")
 
 
+def test_an_estimator_of_another_name_would_not_be_followed(tmp_path: Path) -> None:
+    """Regression: its losses and parameters stood nowhere, and in one namespace both published."""
+    path = tmp_path / "run.yaml"
+    for space in ("", ", namespace: other"):
+        path.write_text(f"nodes: [{{name: second, module: hc_estimator.node{space}}}]")
+        with pytest.raises(UserError, match=r"called estimator, not second.*namespace: second"):
+            load_plan(path)
+
+
 @pytest.mark.parametrize(
     "text",
     [

@@ -58,6 +58,21 @@ def recording():
     return make
 
 
+@pytest.fixture
+def taps(plant):
+    """Simulates taps of 1.3 Hz on a surface that moves: time [s], displacement [mm], force [N]."""
+
+    def make(seed, surface, force_zero=0.0, phase=0.0):
+        draw = np.random.default_rng(seed)
+        time = np.arange(0.0, 15.0, 0.002)
+        depth = 0.9 + 1.4 * np.sin(8.2 * time + phase) + 0.14 * np.sin(27.0 * time)
+        force = plant.force(depth, np.gradient(depth, time), 0.25, 0.004, 1.35, 0.95)
+        displacement = depth + surface(time) + 0.0025 * draw.standard_normal(time.size)
+        return time, displacement, force + force_zero + 0.002 * draw.standard_normal(time.size)
+
+    return make
+
+
 @pytest.fixture(scope="session")
 def records_of():
     """Gives settings and memory of an estimator, fields as attributes as in compiled code."""

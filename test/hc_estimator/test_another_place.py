@@ -187,3 +187,19 @@ def test_a_tissue_that_lets_go_of_the_tool_is_not_left(seed):
     np.testing.assert_array_equal(series.contact_position, 0.0)
     end = np.searchsorted(contact.time_s, 10.0) - 1
     assert abs(series.parameters[end, 0] / contact.parameters[end, 0] - 1.0) < 0.006
+
+
+@pytest.mark.parametrize("speed", [-0.05, -0.02, 0.02, 0.05])
+def test_taps_on_a_surface_that_sinks_are_with_one_place(speed, taps):
+    """Regression of 2026-11-28: each tap was another place, and K no better than one tap says.
+
+    A change was called now and then, and the misfit told in a third of the time.
+    """
+    time, reading, force = taps(3, lambda time: speed * time)
+    series = hc.create_estimator(FILTER).run(time, reading, force)
+    settled = time > 6.0
+    off = np.abs(np.log(series.parameters[settled, 0] / 0.25))
+    assert np.median(off) < 0.005
+    assert np.quantile(off, 0.95) < 0.02
+    assert np.mean(series.model_mismatch[settled]) < 0.02
+    assert not np.any(series.change_detected)

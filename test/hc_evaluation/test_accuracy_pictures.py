@@ -27,6 +27,23 @@ def test_without_one_there_are_only_dots() -> None:
     assert not axis.texts
 
 
+@pytest.mark.parametrize(
+    ("beyond", "said"),
+    [
+        ([0], "up to 5 at 0.0 s"),
+        ([0, 1], "up to 5 at 0.0 s"),
+        ([30, 600], "up to 5 between 0.3 s and 6.0 s"),
+    ],
+)
+def test_when_a_curve_leaves_its_frame_is_said(beyond: list[int], said: str) -> None:
+    """Regression: of a first guess "up to 1 within 0.0 to 0.0 s"."""
+    axis = Figure().subplots()
+    value = np.ones(1000)
+    value[beyond] = 5.0
+    pictures._say_beyond(axis, 0.01 * np.arange(1000.0), value, 2.0)
+    assert [text.get_text() for text in axis.texts] == [said]
+
+
 @pytest.mark.parametrize(("highest", "said"), [(0.9, []), (1.1, ["cut curves go on"])])
 @pytest.mark.parametrize("drawn", ["curve", "band"])
 def test_a_curve_or_a_band_that_leaves_its_frame_is_said(

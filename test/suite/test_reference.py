@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hc_bringup.reference import PAGES
+from hc_bringup.reference import PAGES, main
 
 REFERENCE = Path(__file__).resolve().parents[2] / "docs" / "reference"
 
@@ -33,6 +33,18 @@ def test_the_page_is_current(name: str, written: Path) -> None:
     now = (written / name).read_text(encoding="utf-8")
     there = (REFERENCE / name).read_text(encoding="utf-8")
     assert there == now, "run: .venv/bin/python -m hc_bringup.reference docs/reference"
+
+
+@pytest.mark.parametrize("words", [[], ["--help"], ["-h"]])
+def test_a_word_that_is_no_folder_is_not_made_one(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regression: --help made a folder of that name."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", ["reference", *words])
+    with pytest.raises(SystemExit, match="usage: python -m hc_bringup"):
+        main()
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.slow

@@ -107,6 +107,7 @@ OWNERS = {
     "given": ("multiple_model/report",),
     "onset": (
         "multiple_model/contact_onset",
+        "multiple_model/contact_level",
         "multiple_model/contact_rise",
         "multiple_model/zero_moves",
     ),

@@ -278,7 +278,10 @@ def _run(words: list[str], tell_waiting: bool) -> int:
         from hc_bringup.compilation_notice import CompilationNotice
 
         CompilationNotice()
-    return int(module.run(parsed))
+    from hc_bringup import standard_input
+
+    with standard_input.kept(parsed):
+        return int(module.run(parsed))
 
 
 def _flush() -> None:

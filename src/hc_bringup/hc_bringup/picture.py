@@ -44,6 +44,7 @@ _DRAWN = (
     "innovation_force",
     "change_detected",
     "model_mismatch",
+    "rejected",
 )
 """Of the estimates, what the picture shows."""
 
@@ -175,7 +176,8 @@ def _force(axes: Any, data: RunData, part: slice) -> None:
 
 
 def _error(axes: Any, data: RunData) -> None:
-    error = data.force_n - data.force_predicted_n
+    # As in the figures: what a saturated sensor says is no error of the filter.
+    error = np.where(data.used, data.force_n - data.force_predicted_n, np.nan)
     settled = error[int(_SETTLED_SHARE * len(error)) :]
     _curve(axes, data.time_s, 1e3 * error, ESTIMATED, THIN)
     settled = settled[np.isfinite(settled)]

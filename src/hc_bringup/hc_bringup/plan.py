@@ -17,11 +17,12 @@ from typing import Any
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.file_preset import KEYS
 from hc_bringup.parameter_file import check_parameter_file, read_yaml
-from hc_msgs_py.topics import NODE_DASHBOARD, NODE_RECORDER
+from hc_msgs_py.topics import NODE_DASHBOARD, NODE_ESTIMATOR, NODE_RECORDER
 
 _RUN_KEYS = ("duration_s", "nodes")
 _NODE_KEYS = ("name", "namespace", "module", "parameter_files", "parameters", "source", "respawn")
 _OF_ALL = (NODE_RECORDER, NODE_DASHBOARD)
+_ESTIMATOR_MODULE = "hc_estimator.node"
 
 
 @dataclass(frozen=True)
@@ -142,6 +143,13 @@ def _full_name(entry: Mapping[str, Any], where: str) -> str:
     """Return the name of a node with its namespace."""
     name, space = entry["name"], entry.get("namespace", "")
     parts = space.strip("/").split("/") if isinstance(space, str) else [""]
+    if entry["module"] == _ESTIMATOR_MODULE and name != NODE_ESTIMATOR:
+        raise UserError(
+            f"{where}: an estimator is called {NODE_ESTIMATOR}, not {name}, for by that name it is "
+            "followed; a second one has a namespace of its own, where its topics are: "
+            f"name: {NODE_ESTIMATOR}, namespace: {name.replace('.', '_')}",
+            WRONG_USE,
+        )
     if space == "":
         return str(name)
     if not all(part.isidentifier() and part.isascii() for part in parts):

@@ -66,7 +66,7 @@ def add_options(parser: argparse.ArgumentParser, *, optional: bool = False) -> N
         "input",
         nargs="?" if optional else None,
         metavar="INPUT",
-        help="CSV file, bag folder or .mcap file",
+        help="CSV file, bag folder or .mcap file; - for what is piped in",
     )
     add_reading_options(parser)
 

@@ -320,7 +320,7 @@ PAGES: Final[dict[str, Callable[[], str]]] = {
 
 def main() -> None:
     """Write the pages into the folder named on the command line."""
-    if len(sys.argv) != 2:
+    if len(sys.argv) != 2 or sys.argv[1].startswith("-"):
         sys.exit("usage: python -m hc_bringup.reference docs/reference")
     folder = Path(sys.argv[1])
     folder.mkdir(parents=True, exist_ok=True)

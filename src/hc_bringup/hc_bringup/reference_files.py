@@ -7,7 +7,7 @@ from typing import Final
 
 from hc_bringup.batch.sources import MANIFEST
 from hc_bringup.batch.tables import CONTACTS, RECORDINGS, SITES, table_columns
-from hc_bringup.commands.estimate import COLUMNS as ESTIMATE_COLUMNS
+from hc_bringup.estimate_table import COLUMNS as ESTIMATE_COLUMNS
 from hc_bringup.report import contact_file, map_file
 from hc_estimator.stream.state_file import RUNNING, SAVED, SET_ASIDE
 from hc_logger.csv_layout import COLUMNS as RECORDING_COLUMNS

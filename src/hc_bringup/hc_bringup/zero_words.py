@@ -56,9 +56,19 @@ class Zeros(NamedTuple):
             contact_position=touch.contact_position, contact_position_std=touch.contact_position_std
         )
 
+    def with_spread(self, deviations: float) -> Zeros:
+        """Return these with so many standard deviations behind ±."""
+        return self._replace(
+            contact_position_std=deviations * self.contact_position_std,
+            force_zero_std=deviations * self.force_zero_std,
+        )
+
     @property
     def words(self) -> str:
-        """What was found, or how well those given are known; empty where neither is said."""
+        """What was found, or how well those given are known; empty where neither is said.
+
+        What stands behind ± is one standard deviation.
+        """
         parts = " and ".join(self._parts())
         if not parts:
             return ""

@@ -6,30 +6,19 @@ refused, for nobody knows what of the last block is whole.
 
 from __future__ import annotations
 
-import bz2
 import contextlib
-import gzip
-import lzma
 import os
-import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import IO, Final
 
+from hc_logger.compressions import BY_SUFFIX, DAMAGED
 from hc_logger.errors import BagError
 from hc_logger.other_files import check_there
 
 TEXT_SUFFIXES: Final = (".csv", ".tsv", ".tab", ".txt", ".dat", ".asc", ".prn", ".tra", ".lvm")
 """Of tables in text; .tra is what testXpert writes, .lvm LabVIEW."""
-_OPENERS: Final[dict[str, tuple[Callable[..., Any], str]]] = {
-    ".gz": (gzip.open, "zcat"),
-    ".bz2": (bz2.open, "bzcat"),
-    ".xz": (lzma.open, "xzcat"),
-}
-"""By the last ending: what unpacks it here, and what does in a shell. No .zst: the library does not
-say that a file was cut off."""
-COMPRESSED_SUFFIXES: Final = tuple(_OPENERS)
-_DAMAGED: Final = (EOFError, zlib.error, lzma.LZMAError, gzip.BadGzipFile)
+COMPRESSED_SUFFIXES: Final = tuple(BY_SUFFIX)
 
 
 def is_text(path: Path) -> bool:
@@ -40,7 +29,7 @@ def is_text(path: Path) -> bool:
 def text_suffix(path: Path) -> str:
     """Return the ending of a name in small letters, without that of a compression."""
     suffix = path.suffix.lower()
-    return Path(path.stem).suffix.lower() if suffix in _OPENERS else suffix
+    return Path(path.stem).suffix.lower() if suffix in BY_SUFFIX else suffix
 
 
 @contextlib.contextmanager
@@ -52,14 +41,15 @@ def open_table(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
     """
     path = Path(path)
     check_there(path)
-    opener, unpack = _OPENERS.get(path.suffix.lower(), (open, ""))
+    packed = BY_SUFFIX.get(path.suffix.lower())
+    opener = open if packed is None or packed.opener is None else packed.opener
     try:
         with opener(path, "rb") as stream:
             yield stream
-    except _DAMAGED as error:
+    except DAMAGED as error:
         raise BagError(
             f"{path} is damaged, cut off, or not what its ending says ({error}); what can be "
-            f"unpacked of it: {unpack} {path.name} > part.csv"
+            f"unpacked of it: {packed.show if packed else 'cat'} {path.name} > part.csv"
         ) from error
     except OSError as error:
         raise BagError(f"cannot read {path}: {error.strerror or error}") from error

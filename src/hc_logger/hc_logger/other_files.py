@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 from typing import Final
 
+from hc_logger.compressions import COMPRESSIONS, compression_of
 from hc_logger.errors import BagError
 
 _AS_TABLE: Final = "write its columns as a table with the header time_s,displacement_mm,force_N"
@@ -23,13 +24,16 @@ _BEGINNINGS: Final = (
     (b"ARROW1", f"is written as Feather (Arrow): {_AS_TABLE}"),
     (b"\x93NUMPY", f"is an array of NumPy: {_AS_TABLE} (numpy.savetxt)"),
     (b"SQLite format 3", "is a database: of a bag give the folder, with its metadata.yaml"),
-    (b"\x1f\x8b", "is compressed: unpack it first (gunzip -k), or name it as a table, .csv.gz"),
-    (b"BZh", "is compressed: unpack it first (bunzip2 -k), or name it as a table, .csv.bz2"),
-    (b"\xfd7zXZ", "is compressed: unpack it first (unxz -k), or name it as a table, .csv.xz"),
-    (b"\x28\xb5\x2f\xfd", "is compressed: unpack it first (unzstd)"),
+)
+LONGEST_BEGINNING: Final = max(
+    *(len(beginning) for beginning, _ in _BEGINNINGS), *(len(one.begins) for one in COMPRESSIONS)
 )
 _ARCHIVE: Final = b"PK\x03\x04"
 _WORKBOOKS: Final = (".xlsx", ".xlsm", ".ods")
+JSON: Final = (
+    "is JSON, in which every logger calls its channels otherwise: write a table with the "
+    "header time_s,displacement_mm,force_N"
+)
 _JSON_SUFFIXES: Final = (".json", ".jsonl", ".ndjson")
 
 
@@ -56,16 +60,26 @@ def what_it_is(path: str | os.PathLike[str]) -> str:
     """
     path = Path(path)
     if path.suffix.lower() in _JSON_SUFFIXES:
-        return (
-            "is JSON, in which every logger calls its channels otherwise: write a table with the "
-            "header time_s,displacement_mm,force_N"
-        )
+        return JSON
     with path.open("rb") as file:
-        first = file.read(max(len(beginning) for beginning, _ in _BEGINNINGS))
+        return what_begins_with(file.read(LONGEST_BEGINNING), path.suffix.lower())
+
+
+def what_begins_with(first: bytes, suffix: str = "") -> str:
+    """Say the same of first bytes, `LONGEST_BEGINNING` or all.
+
+    Args:
+        first: of the file.
+        suffix: in small letters, of its name if it has one.
+    """
+    packed = compression_of(first)
+    if packed is not None:
+        or_name = f", or name it as a table, .csv{packed.suffix}" if packed.opener else ""
+        return f"is compressed: unpack it first ({packed.unpack}){or_name}"
     if first.startswith(_ARCHIVE):
-        if path.suffix.lower() in _WORKBOOKS:
+        if suffix in _WORKBOOKS:
             return "is a workbook: save its sheet as CSV"
-        if path.suffix.lower() == ".npz":
+        if suffix == ".npz":
             return f"holds arrays of NumPy: {_AS_TABLE} (numpy.savetxt)"
         return "is an archive: unpack it first (unzip)"
     return next((said for beginning, said in _BEGINNINGS if first.startswith(beginning)), "")

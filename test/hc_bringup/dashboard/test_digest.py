@@ -114,6 +114,19 @@ def test_a_row_is_one_estimate(make_estimates: Make, make_stamps: Make) -> None:
     assert rows[1][INDEX["change"]] == 0.0
 
 
+def test_refused_samples_have_no_force_error(make_estimates: Make, make_stamps: Make) -> None:
+    """Regression: what a saturated sensor says was drawn as an error of the filter."""
+    table = make_estimates(400)
+    table["rejected"][100:200] = 1
+    table["force_measured"][100:200] = 50.0
+    digest = Digest()
+    rows = np.concatenate([digest.add(table, make_stamps(table), estimates=True), digest.flush()])
+    error = rows[:, INDEX["error_max"]]
+    assert np.isnan(error).any()
+    assert np.nanmax(error) < 10.0
+    assert np.nanmax(rows[:, INDEX["force_max"]]) == 50.0
+
+
 def test_stamps_that_start_again_begin_an_epoch(make_estimates: Make, make_stamps: Make) -> None:
     digest = Digest()
     table = make_estimates(100)

@@ -290,3 +290,31 @@ def test_every_kind_of_event_has_a_name(page: Any, live: Any) -> None:
     assert len(kinds) > 18
     names = page.run("return arguments[0].map(HC.eventName)", kinds)
     assert not [name for name in names if name.startswith("event ")]
+
+
+def test_the_lane_of_the_law_has_one_colour(page: Any, live: Any, make_estimates: Make) -> None:
+    """Regression: pieces that let the ground through overlapped: stripes, and not the key's."""
+    live.feed(make_estimates(4000))
+    live.open()
+    page.run("document.getElementById('timeline').scrollIntoView()")
+    page.wait_for("HC.app.timeline.chart.plot.data[0].length > 50")
+    colours = page.run(
+        """
+        const plot = HC.app.timeline.chart.plot;
+        const { top, height } = plot.bbox;
+        const [from, to] = [5, -5].map((i) =>
+          Math.round(plot.valToPos(plot.data[0].at(i), "x", true)));
+        const y = Math.round(top + 0.375 * height);
+        const row = plot.ctx.getImageData(from, y, to - from, 1).data;
+        return Array.from({length: to - from}, (_, i) => [...row.slice(4 * i, 4 * i + 3)]);
+        """
+    )
+    assert np.ptp(colours, axis=0).max() <= 3
+
+
+def test_nothing_is_left_empty_beside_force_over_depth(page: Any, live: Any) -> None:
+    """Regression: on a tablet half of the row was."""
+    page.resize(768, 1000)
+    live.open()
+    wide = page.run("return document.getElementById('depth').getBoundingClientRect().width")
+    assert wide > 700

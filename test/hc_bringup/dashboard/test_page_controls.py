@@ -80,3 +80,35 @@ def test_keys(page: Any, live: Any) -> None:
     page.press("t")
     page.press("?")
     assert page.run("return document.getElementById('keys').open")
+
+
+def test_controls_that_a_key_opened_leave_the_keys_alone(page: Any, live: Any) -> None:
+    """Regression: closed again with c, space pressed their button and opened them anew."""
+    live.open()
+    page.press("c")
+    page.press("c")
+    page.press(" ")
+    assert page.run("return HC.app.frozen")
+    assert page.run("return document.getElementById('controls').hidden")
+    page.press(" ")
+    page.run("document.getElementById('open-controls').focus()")
+    page.run("document.getElementById('open-controls').click()")
+    page.run("document.getElementById('close-controls').click()")
+    assert page.run("return document.activeElement.id") == "open-controls"
+
+
+def test_no_figure_leaves_its_card(page: Any, live: Any, make_estimates: Make) -> None:
+    """Regression: beside open controls B ± its deviation ran into the card of n."""
+    page.resize(1280, 900)
+    table = make_estimates(500)
+    table["damping"], table["damping_std"] = 0.006010, 0.0000412
+    live.feed(table)
+    live.open()
+    page.press("c")
+    page.wait_for("document.querySelector('#parameter-B .value').textContent.includes('±')")
+    wide = page.run(
+        "return [...document.querySelectorAll('.card .value')].map((value) => "
+        "value.getBoundingClientRect().right"
+        " - value.closest('.card').getBoundingClientRect().right)"
+    )
+    assert max(wide) < 0, wide

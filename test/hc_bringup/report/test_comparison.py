@@ -139,6 +139,13 @@ def test_page_in_a_browser(
     drawn = page.run("return HC.comparison.charts[0].chart.plot.data[1].filter((v) => v !== null)")
     stiffness = table[0][0].data.parameters[:, 0].astype(np.float32)
     assert set(np.float32(drawn)) <= set(stiffness)
+    # One bad curve hides no good one: errors are drawn in decades, and none is cut off above.
+    assert page.run("return HC.comparison.charts.map((c) => c.chart.plot.scales.y.distr)") == [
+        *[1] * 4,
+        *[3] * 2,
+    ]
+    beyond = "c.chart.plot.data[1].some((v) => v > c.chart.plot.scales.y.max)"
+    assert not page.run(f"return HC.comparison.charts.slice(4).some((c) => {beyond})")
     page.run("document.querySelector('[data-variant=\"1\"]').click()")
     assert page.run("return HC.comparison.charts.every((c) => !c.chart.plot.series[2].show)")
     page.run("HC.onZoom(1.0, 2.0)")

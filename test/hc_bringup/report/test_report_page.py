@@ -76,6 +76,15 @@ def test_picture_breaks_where_nothing_was_read(make_run: MakeRun) -> None:
     assert across >= 8
 
 
+def test_picture_shows_no_force_error_of_refused_readings(make_run: MakeRun) -> None:
+    """Regression: a saturated sensor looked like a filter that errs."""
+    data = make_run(seconds=3.0)
+    data.estimates["rejected"][700:720] = 1
+    data.force_n[700:720] = 50.0
+    (axes,) = [a for a in draw(data).axes if a.get_ylabel().startswith("force error")]
+    assert np.nanmax(axes.lines[0].get_ydata()) < 5000.0  # mN
+
+
 @pytest.mark.parametrize("seconds", [0.01, 0.4, 3.0, 30.0])
 def test_rows_hold_the_estimates(make_run: MakeRun, seconds: float) -> None:
     data = make_run(seconds=seconds)

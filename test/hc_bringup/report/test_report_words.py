@@ -57,6 +57,14 @@ def test_words_for_zeros_that_are_taken_for_exact(make_run: MakeRun) -> None:
     assert not any(text.startswith("Contact position and force zero") for text in said(unsure))
 
 
+def test_what_stands_behind_the_sign_is_two_deviations_throughout(make_run: MakeRun) -> None:
+    """Regression: the contact position had one, beside two of everything else on the page."""
+    data = make_run(seconds=3.0, settings={"contact_position_std": 0.05})
+    data.estimates["contact_position_std"] = 0.05e-3
+    (one,) = [text for text in said(data) if text.startswith("Contact begins at")]
+    assert one.startswith("Contact begins at 0.00 ± 0.10 mm")
+
+
 def test_words_for_doubt(make_run: MakeRun) -> None:
     """Few samples leave room for much, but not for calling it honest; nor is a guess good news."""
     data = make_run(seconds=3.0)

@@ -108,7 +108,11 @@ def test_samples_of_two_publishers_make_no_picture(
     )
     recording.sequence = np.arange(600, dtype=np.uint64)
     show_ending(tmp_path)
-    assert "a picture" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "a picture" in shown
+    assert "-o report.html    touch it yourself: hc run --control" in shown
+    show_ending(tmp_path, controlled=True)  # regression: who had --control was advised to take it
+    assert "-o report.html\n" in capsys.readouterr().out
 
 
 def test_force_over_depth_in_dots() -> None:

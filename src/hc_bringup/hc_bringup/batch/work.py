@@ -27,13 +27,9 @@ from hc_bringup.batch.software import software_stamp
 from hc_bringup.batch.sources import content_hash
 from hc_bringup.batch.variants import Variant
 from hc_bringup.commands.contacts import contact_rules, tip_source
-from hc_bringup.commands.estimate import (
-    estimate_lines,
-    make_estimator,
-    summarise,
-    why_no_result,
-)
+from hc_bringup.commands.estimate import make_estimator, summarise, why_no_result
 from hc_bringup.errors import UserError
+from hc_bringup.estimate_table import estimate_lines
 from hc_bringup.file_preset import CSV_OPTIONS
 from hc_bringup.report.contact_file import PARAMETER_UNITS, columns
 from hc_bringup.report.contacts import find_contacts

@@ -8,6 +8,7 @@ from typing import Any
 from hc_bringup import heartbeat, recording_input
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.options import positive
+from hc_bringup.standard_input import name_of
 from hc_msgs_py.topics import NODE_ESTIMATOR
 
 HEARTBEAT = True
@@ -46,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     live = arguments.input is None
     displacement_mm, force_n = _heard(arguments, node) if live else _recorded(arguments)
     heartbeat.nothing()
-    name = f"node {node}" if live else arguments.input
+    name = f"node {node}" if live else name_of(arguments)
     try:
         found = estimate_frame(displacement_mm, force_n, arguments.from_n)
     except ValueError as error:

@@ -12,6 +12,7 @@ from hc_bringup import heartbeat, recording_input
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.file_preset import CSV_OPTIONS
 from hc_bringup.options import positive
+from hc_bringup.standard_input import name_of, typed
 from hc_bringup.wrapping import say
 from hc_msgs_py.topics import NODE_ESTIMATOR
 
@@ -61,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
         for name in ("node", "seconds"):
             if getattr(arguments, name) is not None:
                 raise UserError(f"--{name} is for a running set-up, not a recording", WRONG_USE)
-        heartbeat.doing(f"reading {arguments.input}")
+        heartbeat.doing(f"reading {name_of(arguments)}")
         recording = recording_input.load(arguments)
         reading = recording.findings
         notes = reading.notes
@@ -91,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
                 judged_line(stretch),
             )
         settings, type_it = dict(arguments.sensors), _for_recording(arguments, recording)
-        where = f"{arguments.input}, {len(recording.time_s)} samples"
+        where = f"{name_of(arguments)}, {len(recording.time_s)} samples"
     diagnosis = None
     if rows is not None:
         table = arguments.input not in (None, "live") and not recording.is_bag
@@ -160,7 +161,7 @@ def _for_recording(arguments: argparse.Namespace, recording: Any) -> Any:
     A command keeps nothing for the next one: each has all settings so far, and what the file's
     columns were said to be.
     """
-    words = ["hc", "estimate", arguments.input]
+    words = ["hc", "estimate", typed(arguments)]
     for option in CSV_OPTIONS:
         value = getattr(arguments, option, None)
         if value is not None:

@@ -3,35 +3,25 @@
 from __future__ import annotations
 
 import argparse
-import itertools
 import math
 import shlex
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from hc_bringup import recording_input
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
+from hc_bringup.estimate_table import write_estimates
 from hc_bringup.options import each_once, new_file_name
+from hc_bringup.standard_input import name_of, typed
 from hc_bringup.wrapping import say
 
 HELP = "run an estimator over a recording (CSV or bag) and print the parameters"
 COMPILES = True
-_LINES_AT_ONCE = 4096
 LEAST_USED_SHARE = 0.02
 """Of the samples: a recording of which less can be used shows nothing of the tissue."""
 _NOTHING_KNOWN = 0.01
 _FIGURES = ("force_predicted_rmse_n", "force_reconstructed_rmse_n", "nis_mean")
-COLUMNS = (
-    "time_s,displacement_mm,force_N,stiffness [N/mm^n],damping [N(s/mm)^p/mm^n],"
-    "displacement_exponent,velocity_exponent,stiffness_std [N/mm^n],"
-    "damping_std [N(s/mm)^p/mm^n],displacement_exponent_std,velocity_exponent_std,"
-    "force_predicted_N,force_reconstructed_N,nis,contact,change_detected,rejected,"
-    "stiffness_identifiability,damping_identifiability,displacement_exponent_identifiability,"
-    "velocity_exponent_identifiability,model_mismatch,channel_delay_s,"
-    "channel_delay_std_s,contact_position_mm,contact_position_std_mm,force_zero_N,force_zero_std_N"
-)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -81,6 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
         changes,
         origin_ns,
     )
+    name = name_of(arguments)
     lines = [
         *recording.findings.lines(),
         *change_lines(changes, origin_ns),
@@ -97,7 +88,7 @@ def run(arguments: argparse.Namespace) -> int:
     if suspicions:
         lines.append(f"what each means and what to do: {MEANINGS}")
     for line in filter(None, lines):
-        print(f"{arguments.input}: {line}", file=sys.stderr)
+        print(f"{name}: {line}", file=sys.stderr)
     estimator.warm_up()
     start = time.perf_counter()
     series = run_in_pieces(
@@ -105,11 +96,11 @@ def run(arguments: argparse.Namespace) -> int:
     )
     seconds = time.perf_counter() - start
     if arguments.output is not None:
-        _write(Path(arguments.output), recording, series)
+        write_estimates(Path(arguments.output), recording, series)
     summary = summarise(estimator, recording, series, seconds)
     reason = why_no_result(summary, doubted=bool(suspicions))
     if reason:
-        raise UserError(f"{arguments.input}: {reason}")
+        raise UserError(f"{name}: {reason}")
     summary["suspicions"] = [
         {"check": s.check.value, "channel": s.channel, "sentence": s.sentence} for s in suspicions
     ]
@@ -121,13 +112,13 @@ def run(arguments: argparse.Namespace) -> int:
     wrong = why_unusable((s.check.value for s in suspicions), misfit)
     if wrong:
         raise UserError(
-            f"{arguments.input}: {wrong}: do what stands above them, or see hc doctor "
-            f"{shlex.quote(arguments.input)}"
+            f"{name}: {wrong}: do what stands above them, or see hc doctor "
+            f"{shlex.quote(typed(arguments))}"
         )
     if misfit > MISFIT_SHARE:
         print(
-            f"{arguments.input}: the contact law did not fit in {100 * misfit:.0f} % of the "
-            f"samples: hc doctor {shlex.quote(arguments.input)} says what may be wrong",
+            f"{name}: the contact law did not fit in {100 * misfit:.0f} % of the "
+            f"samples: hc doctor {shlex.quote(typed(arguments))} says what may be wrong",
             file=sys.stderr,
         )
     return 0
@@ -338,66 +329,3 @@ def _text(summary: dict[str, Any]) -> str:
             f"{100 * summary['model_mismatch_share']:.0f} % of the samples",
         ]
     )
-
-
-def _write(path: Path, recording: Any, series: Any) -> None:
-    """Write a new file of estimates."""
-    from hc_logger.errors import BagError
-    from hc_logger.new_file import write_new_text
-
-    try:
-        write_new_text(path, estimate_lines(recording, series))
-    except BagError as error:
-        raise UserError(str(error)) from error
-
-
-def estimate_lines(recording: Any, series: Any) -> Iterator[str]:
-    """Yield one line a sample, many at once; rejected is empty for a sample that was used.
-
-    K, B, n, p are in N/mm^n, N (s/mm)^p / mm^n, 1 and 1; the other units stand in the names.
-    """
-    import numpy as np
-
-    from hc_estimator import Rejection
-
-    names = {code.value: code.name.lower() if code else "" for code in Rejection}
-    numbers = np.column_stack(
-        [
-            recording.time_s,
-            recording.displacement_mm,
-            recording.force_n,
-            series.parameters,
-            series.parameters_std,
-            series.force_predicted,
-            series.force_reconstructed,
-            series.nis,
-        ]
-    ).tolist()
-    flags = np.column_stack([series.contact, series.change_detected, series.model_mismatch])
-    known = np.column_stack(
-        [
-            series.identifiability,
-            series.channel_delay,
-            series.channel_delay_std,
-            series.contact_position,
-            series.contact_position_std,
-            series.force_zero,
-            series.force_zero_std,
-        ]
-    ).tolist()
-    codes = series.rejected.tolist()
-    lines = (
-        f"{','.join(map(repr, row))},{flag[0]},{flag[1]},{names[code]},"
-        f"{','.join(map(repr, more[:4]))},{flag[2]},{','.join(map(repr, more[4:]))}\n"
-        for row, flag, code, more in zip(
-            numbers, flags.astype(int).tolist(), codes, known, strict=True
-        )
-    )
-    yield COLUMNS + "\n"
-    yield from _joined(lines)
-
-
-def _joined(lines: Iterator[str]) -> Iterator[str]:
-    """Yield many lines at once: each part is one write to the disk."""
-    while part := "".join(itertools.islice(lines, _LINES_AT_ONCE)):
-        yield part

@@ -11,6 +11,7 @@ from hc_bringup import recording_input
 from hc_bringup.command_words import reading_words
 from hc_bringup.commands import estimate
 from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.standard_input import typed
 
 HELP = "say in words and charts what a recording holds: an HTML page, or a picture"
 COMPILES = True
@@ -67,7 +68,7 @@ def _content(data: Any, suffix: str, command: list[str]) -> bytes:
 
 def command_line(arguments: argparse.Namespace) -> list[str]:
     """Return the command line that makes this report again."""
-    words = ["hc", "report", str(arguments.input)]
+    words = ["hc", "report", typed(arguments)]
     for name in ("filter", "state_space", "contact_model"):
         if getattr(arguments, name) is not None:
             words += [f"--{name.replace('_', '-')}", getattr(arguments, name)]

@@ -141,7 +141,8 @@ def run(arguments: argparse.Namespace) -> int:
     if bag is not None and not arguments.json and state.elapsed_s <= LONGEST_PICTURED_S:
         from hc_bringup.run_ending import show_ending  # draws: nothing of it at the start
 
-        show_ending(bag, [one.namespace for one in plan.of_kind("estimator")])
+        namespaces = [one.namespace for one in plan.of_kind("estimator")]
+        show_ending(bag, namespaces, controlled=arguments.control)
     return 0
 
 

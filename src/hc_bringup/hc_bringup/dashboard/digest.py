@@ -194,11 +194,13 @@ class Digest:
         put: _Columns, table: NDArray[Any], starts: NDArray[np.int64], shown: NDArray[np.int64]
     ) -> None:
         """Fill in what only estimates have."""
+        refused = table["rejected"] != 0
         error = one_step_error(table["force_measured"], table["force_predicted"])
+        # As in the figures: what a saturated sensor says is no error of the filter.
+        error = np.where(refused, np.nan, error)
         put["error"] = error[shown]
         put["error_min"] = np.fmin.reduceat(error, starts)
         put["error_max"] = np.fmax.reduceat(error, starts)
-        refused = table["rejected"] != 0
         judged = ~refused & np.isfinite(table["nis"])
         put["rejected"] = np.add.reduceat(refused.astype(float), starts)
         put["nis_sum"] = np.add.reduceat(np.where(judged, table["nis"], 0.0), starts)

@@ -40,6 +40,10 @@ def _distance(ideal: float) -> Callable[[float], float]:
     return lambda value: abs(math.log(max(value, 1e-12) / ideal))
 
 
+def _three_digits(value: float) -> str:
+    return f"{float(f'{value:.3g}'):g}"
+
+
 def _same(value: float) -> float:
     return value
 
@@ -56,8 +60,8 @@ FIGURES: Final[tuple[Figure, ...]] = (
     ("", "B", lambda s: float(s.parameter_errors[1]), _percent, _same),
     ("", "n", lambda s: float(s.parameter_errors[2]), _percent, _same),
     ("", "p", lambda s: float(s.parameter_errors[3]), _percent, _same),
-    ("honesty", "NEES (4)", lambda s: s.nees, lambda v: f"{v:.2f}", _distance(4.0)),
-    ("", "NIS (2)", lambda s: s.nis, lambda v: f"{v:.2f}", _distance(2.0)),
+    ("honesty", "NEES (4)", lambda s: s.nees, _three_digits, _distance(4.0)),
+    ("", "NIS (2)", lambda s: s.nis, _three_digits, _distance(2.0)),
     ("", "K within 3 sd", lambda s: s.inside, _percent, lambda v: -v),
     ("", "says that the law does not fit", lambda s: s.mismatch, _percent, _no_contest),
     ("", "samples refused", lambda s: s.refused, _percent, _no_contest),

@@ -218,9 +218,10 @@ def _zeros(data: RunData) -> list[Sentence]:
     """Say what zeros were found, or what zeros that are off would do where they are exact."""
     said = effect_in(data.settings, data.estimates).sentence
     if not said and len(data.estimates):
-        words = Zeros.in_the_end(
+        zeros = Zeros.in_the_end(
             data.estimates["contact"], lambda k: Zeros.from_message(data.estimates[k].__getitem__)
-        ).words
+        )
+        words = zeros.with_spread(2.0).words  # as all that stands behind ± on the page
         said = f"{words[0].upper()}{words[1:]}." if words else ""
     return [Sentence(Level.NOTE, said)] if said else []
 

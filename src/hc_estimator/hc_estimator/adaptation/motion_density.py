@@ -134,7 +134,8 @@ MOTION = record_type(
         Field("weighted", np.int64, (), 0),  # readings in that mean
         Field("chosen", np.int64, (), 0, MEMBERS - 1),  # likeliest member
         Field("density", np.float64, (), 0.0),  # its jerk density; 0: not known yet
-        Field("log_correction", np.float64, ()),  # logarithm of the slow factor
+        # Logarithm of the slow factor.
+        Field("log_correction", np.float64, (), SMALLEST_CORRECTION, 0.0),
     )
 )
 

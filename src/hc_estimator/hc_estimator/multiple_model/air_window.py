@@ -57,9 +57,15 @@ def add(window: Any, displacement: float, force: float) -> None:
 
 
 @compiled
-def travels(window: Any, noise: Any) -> bool:
-    """True if the tool went far enough to show whether the force changes on the way."""
-    least = max(LEAST_TRAVEL, TRAVEL_DEVIATIONS * math.sqrt(noise[0]))
+def travels(window: Any, noise: Any, least: float) -> bool:
+    """True if the tool went far enough to show whether the force changes on the way.
+
+    Args:
+        window: of readings.
+        noise: variances of displacement and force [mm^2], [N^2].
+        least: way that is needed [mm].
+    """
+    least = max(least, TRAVEL_DEVIATIONS * math.sqrt(noise[0]))
     return bool(window.highest - window.lowest >= least)
 
 

@@ -19,7 +19,7 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import air_window, zero_moves
 from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model.air_window import FEWEST, SIGNIFICANT, SMALLEST_ZERO
+from hc_estimator.multiple_model.air_window import FEWEST, LEAST_TRAVEL, SIGNIFICANT, SMALLEST_ZERO
 from hc_estimator.multiple_model.contact_onset import LEAST_DISTANCE, SURE
 from hc_estimator.multiple_model.hypotheses import DEPTH
 
@@ -105,7 +105,7 @@ def _conclude(bank: Any, time: float) -> None:
         return
     scatter = air_window.scatter_of(window)
     calm = air_window.is_calm(window, noise[1], WILDEST)
-    if air_window.travels(window, noise):
+    if air_window.travels(window, noise, LEAST_TRAVEL):
         air.travelled = 1 if calm and air_window.stays_the_same(window) else 0
     if calm and air.travelled != 0:
         steps = abs(mean * air.seen - air.sum)

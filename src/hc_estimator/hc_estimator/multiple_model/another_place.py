@@ -250,7 +250,7 @@ def _is_another(settings: Any, bank: Any) -> bool:
     place.first = history.contact
     place.last = history.count
     if place.is_other == 0:
-        place_prior.set_same(place)
+        place_prior.set_same(place, UNEVEN**2)
         copy_vector(place.guess, place.values)
         same = place_fit.fit(settings, place, history, noise, 1.0, 1)
         # A place that explains the contact to within the noise is no other one.
@@ -282,7 +282,7 @@ def _is_another(settings: Any, bank: Any) -> bool:
     place_average.join(place, probability(elsewhere - level - odds))
     if place.is_other != 0:
         return True
-    place_prior.set_same(place)
+    place_prior.set_same(place, UNEVEN**2)
     copy_vector(place.guess, place.values)
     lead = max(level, elsewhere) - _evidence(settings, place, history, noise, weight, 2)
     if needed and lead > (LIKELIER if place.found == 0 else LIKELIER_AGAIN):

@@ -4,7 +4,7 @@ The hypotheses take both zeros as the user gave them. Before the first touch, an
 can be seen without any parameter of the tissue (ours; `hc bench accuracy delay` and `possible`):
 
 - While the tool travels and the force stays the same, the tool is in the air, and the mean of the
-  force there is its zero. A tissue that pushed with as much would have pushed more, deeper.
+  force there is its zero (`contact_level`).
 - A force that comes while the tool goes deeper begins where it was last not felt; as long as the
   delay is not known, anywhere where the tool was up to 60 ms before and after. If that is before
   the zero, or so far behind it that no exponent up to `STEEPEST` would have hidden the force until
@@ -27,6 +27,7 @@ from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector
 from hc_estimator.multiple_model import (
     air_window,
+    contact_level,
     contact_rise,
     moving_delay,
     place_delay,
@@ -34,33 +35,19 @@ from hc_estimator.multiple_model import (
     zero_moves,
 )
 from hc_estimator.multiple_model import grid as grids
-from hc_estimator.multiple_model.air_window import (
-    FEWEST,
-    SAME,
-    SIGNIFICANT,
-    SMALLEST_ZERO,
-)
+from hc_estimator.multiple_model.air_window import SIGNIFICANT, SMALLEST_ZERO
+from hc_estimator.multiple_model.contact_level import STEEPEST
 from hc_estimator.multiple_model.contact_rise import LARGEST_SHIFT
 from hc_estimator.multiple_model.delay_records import RAW
 from hc_estimator.multiple_model.hypotheses import DEPTH, SURFACE_ROW, VELOCITY, is_tried
 
 SURE = 5.0  # deviations of the force sensor beyond which there is a force
-# Two-sided cumulative sum of the force about its mean: in the air it passes once in 1e5 readings.
-DRIFT = 0.5  # deviations
-THRESHOLD = 12.0
-LARGEST_TERM = 4.0  # one spike is no onset
 IN_A_ROW = 3  # readings that must say so
 GROWTH = 1.5  # of the force since it was first sure
-RESTING = 8.0  # deviations of the displacement sensor within which a tool is that rests
-SETTLING = 5  # readings in the mean before one can leave it
-DOWN = 0.8  # share of its travel in the air below which the tool was when the force came
-WILDEST = 4.0  # scatter of a working sensor in the air over its noise variance
-STEEPEST = 3.0  # exponent of a tissue
 SURELY = 2.0  # factor on the force that a law through the zero allows
 LARGEST_DELAY = 0.06  # of the channels while it is not known [s]
 # Of the contact position from the zero; and largest deviation of the tool's place [mm].
 LEAST_DISTANCE = 0.1
-NOWHERE = 1e9  # [N]
 SPAN = 8  # readings over which the speed is taken in looking back
 # Deviation of the contact position, as a share of the way that the tool has gone in since then.
 HALF_WAY = 0.5  # the force became sure in between
@@ -90,13 +77,14 @@ def restart(onset: Any) -> None:
     onset.about_time = math.nan
     onset.free = 0
     onset.in_air = 0
+    onset.at_floor = 0
     onset.force_seen = 0
     onset.touched = 0
     onset.contradictions = 0
     onset.first_force = 0.0
     air_window.clear(onset.window)
     air_window.clear(onset.rise)
-    onset.highest_level = -NOWHERE
+    contact_level.reset(onset)
 
 
 @compiled
@@ -164,18 +152,28 @@ def _take(
     """Take a reading of the force, and where the tool was; True if a zero is to move."""
     onset, noise = bank.onset, bank.sensor_noise
     sure = SURE * math.sqrt(noise[1])
-    side = _leaves_window(onset, displacement, velocity, force, time, noise[1])
+    side = contact_level.leaves(onset, displacement, velocity, force, time, noise[1])
     if side != 0:
-        is_air = _is_air(onset, noise, sure)
-        if is_air or _is_step(onset, noise, side, displacement):
+        is_air = contact_level.is_air(onset, noise, sure)
+        if is_air or contact_level.is_step(onset, noise, side, displacement):
             air_window.clear(onset.rise)
         else:
-            onset.highest_level = max(onset.highest_level, onset.window.mean[1])
+            contact_level.note(onset)
             if side > 0 and contact_rise.was_level(onset):
                 air_window.clear(onset.rise)
+        if side > 0 and not is_air and contact_level.is_floor(onset, noise, sure):
+            level, deviation = onset.floor, math.sqrt(onset.floor_variance)
+            restart(onset)
+            onset.looked_back = 1
+            onset.in_air = 1
+            onset.at_floor = 1
+            onset.shift[1] = level
+            onset.force_deviation = deviation
+            return True
         air_window.clear(onset.window)
         if is_air and side > 0:
             onset.in_air = 1
+            onset.at_floor = 0
             onset.free = 1
             onset.free_at = onset.inside_at
             onset.free_time = onset.inside_time
@@ -191,7 +189,7 @@ def _take(
         onset.first_force = 0.0
         if onset.force_seen != 0:
             onset.touched = 1
-        if onset.in_air == 0:  # else the place where the force left its mean is closer
+        if not _is_air_seen(onset):  # else the place where the force left its mean is closer
             onset.free = 1
             onset.free_at = displacement
             onset.free_time = time
@@ -200,6 +198,8 @@ def _take(
         onset.first_force = force
         onset.first_time = time
     if force < SURELY * sure or not is_tried(settings, SURFACE_ROW):
+        return False
+    if contact_level.is_open(onset, time):
         return False
     onset.force_seen = 1
     near = LEAST_DISTANCE + SURE * deviation
@@ -238,6 +238,12 @@ def _take(
     onset.shift[0] = onset.free_at
     onset.position_deviation = max(CLOSEST, HALF_WAY * (displacement - lowest))
     return True
+
+
+@compiled
+def _is_air_seen(onset: Any) -> bool:
+    """True if the tool came down in the air before this contact, so that its place is known."""
+    return bool(onset.in_air != 0 and onset.at_floor == 0)
 
 
 @compiled
@@ -286,84 +292,10 @@ def _contradicts(
     if highest < -near:
         return True
     # Later on a force is absent where the tool leaves faster than the tissue follows.
-    if onset.in_air == 0 or onset.touched != 0 or lowest < near:
+    if not _is_air_seen(onset) or onset.touched != 0 or lowest < near:
         return False
     # No law through the zero that stays below the noise up to there rises so until here.
     return bool(force > SURELY * sure * (displacement / lowest) ** STEEPEST)
-
-
-@compiled
-def _leaves_window(
-    onset: Any, displacement: float, velocity: float, force: float, time: float, variance: float
-) -> int:
-    """Take a reading into the window in which the force stays the same.
-
-    Returns:
-        1 or -1 if the force has left the window upwards or downwards, else 0.
-    """
-    window, inside = onset.window, onset.inside
-    if window.count == 0:
-        onset.upward = 0.0
-        onset.downward = 0.0
-        air_window.clear(inside)
-        onset.fastest = velocity
-    if window.count >= SETTLING:
-        term = (force - window.mean[1]) / math.sqrt(variance)
-        term = min(max(term, -LARGEST_TERM), LARGEST_TERM)
-        onset.upward = max(onset.upward + term - DRIFT, 0.0)
-        onset.downward = max(onset.downward - term - DRIFT, 0.0)
-    air_window.add(window, displacement, force)
-    onset.fastest = max(onset.fastest, velocity)
-    if onset.upward == 0.0:  # what came before an onset
-        air_window.copy(window, inside)
-        onset.air_slowing = onset.fastest - velocity
-        onset.air_fastest = onset.fastest
-        onset.inside_at = displacement
-        onset.inside_time = time
-        onset.inside_variance = variance  # a step makes the sensor seem noisier
-    if onset.upward > THRESHOLD:
-        return 1
-    return -1 if onset.downward > THRESHOLD else 0
-
-
-@compiled
-def _is_step(onset: Any, noise: Any, side: int, displacement: float) -> bool:
-    """True if the force left the window as no tissue lets it: at rest, or down on the way down."""
-    window = onset.window
-    way = window.highest - window.lowest
-    if window.count >= FEWEST and way <= RESTING * math.sqrt(noise[0]):
-        return True
-    return bool(side < 0 and displacement >= window.lowest + DOWN * way)
-
-
-@compiled
-def _is_air(onset: Any, noise: Any, sure: float) -> bool:
-    """True if the tool came down in the window and nothing pushed; notes the mean's deviation.
-
-    Not after a contact, for there the force may stay the same where a tool retreats as fast as the
-    tissue follows.
-    """
-    inside, mean = onset.inside, onset.inside.mean
-    way = inside.highest - inside.lowest
-    if inside.count < FEWEST or not air_window.travels(inside, noise):
-        return False
-    if onset.highest_level > mean[1] + SURELY * sure:
-        return False
-    if onset.inside_at < onset.window.lowest + DOWN * way:
-        return False
-    if not air_window.is_calm(inside, onset.inside_variance, WILDEST):
-        return False
-    scatter = air_window.scatter_of(inside)
-    onset.level_deviation = math.sqrt(scatter / inside.count)
-    if not air_window.stays_the_same(inside):
-        return False
-    if mean[0] <= 0.0 or mean[1] < SURE * onset.level_deviation:
-        return True
-    # What a tissue pushes more with the depth, it may push less as the tool slows down.
-    if onset.air_slowing * mean[0] > onset.air_fastest * way:
-        return False
-    # A tissue that pushed so would push at least in proportion to the depth.
-    return bool(mean[1] / mean[0] > 2.0 * SAME * math.sqrt(scatter / inside.moment[0]))
 
 
 @compiled

@@ -78,9 +78,7 @@ def forget(finder: Any) -> None:
 @compiled
 def begin_with_zeros(finder: Any) -> None:
     """The zeros have moved, and the points with them (`zero_moves`): fit them anew."""
-    finder.fitted = 0
-    finder.clear = 0
-    finder.fits = 0
+    delay_points.fit_anew(finder)
     if finder.zeros == 0:  # else it was found whatever they are
         finder.found_deviation = 0.0
     delay_evidence.reset(finder)
@@ -105,21 +103,17 @@ def learn_window(settings: Any, finder: Any, sensor_noise: Any, moves: bool) -> 
     _take_points(finder, sensor_noise)
     count = count_of(finder)
     if count >= FEWEST and finder.kept - finder.fitted >= NEW * count:
+        finder.fitted = finder.kept
+        finder.clear = 0
         ways = delay_points.count_ways(finder)
-        clear = ways >= WAYS
-        if clear:
+        if ways >= WAYS:
             delay_candidates.fit(settings, finder, count, ways > WAYS)
-            before, deviation = finder.found, finder.found_deviation
-            clear = _is_clear(finder, count)
-            if clear and not _is_asked(finder, count, ways, moves):
-                clear = False
-                finder.found, finder.found_deviation = before, deviation
-            if clear:
-                finder.found_of = count
+            found, deviation = _clear_delay(finder, count)
+            if deviation > 0.0 and _is_asked(finder, count, ways, moves, found, deviation):
+                finder.clear = 1
+                finder.found, finder.found_deviation, finder.found_of = found, deviation, count
             elif count >= finder.found_of:
                 finder.found_deviation = 0.0
-        finder.fitted = finder.kept
-        finder.clear = 1 if clear else 0
     if finder.clear != 0 and (_leads(settings, finder) or _is_finer(finder)):
         finder.delay = finder.found
         finder.deviation = finder.found_deviation
@@ -132,20 +126,24 @@ def learn_window(settings: Any, finder: Any, sensor_noise: Any, moves: bool) -> 
 
 
 @compiled
-def _is_asked(finder: Any, count: int, ways: int, moves: bool) -> bool:
+def _is_asked(
+    finder: Any, count: int, ways: int, moves: bool, found: float, deviation: float
+) -> bool:
     """True if what was fitted can say a delay: nothing else is known to explain it.
 
     Args:
-        finder: with the fits, and the delay that they say clearly.
+        finder: with the fits.
         count: number of points.
         ways: that the tool has gone.
         moves: True if the surface moves, so that one for each half second says nothing.
+        found: delay that the fits say clearly [s].
+        deviation: of it [s].
     """
     if finder.varies != 0:
         return not moves and delay_points.go_both_ways(finder)
     # What is left of two ways by a law at the zeros as given may be of zeros that are off: that
     # looks like a delay, and not like none.
-    none = finder.delay == 0.0 and abs(finder.found) < BEGINS * finder.found_deviation
+    none = finder.delay == 0.0 and abs(found) < BEGINS * deviation
     return bool(ways > WAYS or finder.left[CANDIDATES] < FITS * count or none)
 
 
@@ -193,31 +191,29 @@ def _value_variance(finder: Any, channel: int, width: float, noise: float) -> fl
 
 
 @compiled
-def _is_clear(finder: Any, count: int) -> bool:
-    """True if the fits say one delay; it and its deviation are then set.
+def _clear_delay(finder: Any, count: int) -> tuple[float, float]:
+    """The one delay [s] that the fits say, and its deviation [s]; 0 where none is clear.
 
     Args:
-        finder: with the fits; found and found_deviation are set.
+        finder: with the fits.
         count: number of points.
     """
     centre, step, chosen = CANDIDATES // 2, finder.grid_step, finder.chosen
     low, high = centre - finder.reach, centre + finder.reach
     if chosen in (low, high) or not _explains(finder, count):
-        return False
+        return 0.0, 0.0
     best = finder.left[CANDIDATES]
     weight = _weight(finder)
     for j in range(low, high + 1):
         rival = abs(j - chosen) * step > APART
         if rival and weight * math.log(finder.left[j] / best) < RIVAL:
-            return False
+            return 0.0, 0.0
     found = (finder.place - centre) * step
     if abs(found) > LARGEST:
-        return False
-    finder.found = found
+        return 0.0, 0.0
     known = 2.0 * weight / count * finder.information[CANDIDATES] * step * step
     variance = SMALLEST_DEVIATION**2 + max(best / count, 1.0) / known if known > 0.0 else math.inf
-    finder.found_deviation = min(math.sqrt(variance), float(finder.reach)) * step
-    return True
+    return found, min(math.sqrt(variance), float(finder.reach)) * step
 
 
 @compiled

@@ -170,7 +170,7 @@ def note_law(settings: Any, finder: Any) -> None:
     if zeros:
         slot, base = AT_ZEROS, delay_fit.candidate_below(finder)
         copy_vector(finder.law[CANDIDATES], finder.law[slot])
-        finder.law[slot, 1 + delay_equations.SURFACE_FIRST :] = 0.0
+        delay_equations.forget_zeros_of(finder.law[slot])
         finder.zeros = 0
         delay_points.shift(finder, finder.place - base)
         delay_fit.improve(settings, finder, base, slot, slot, FIRST_STEPS)

@@ -88,7 +88,13 @@ def take_back_laws(finder: Any) -> None:
 def forget_zeros(finder: Any) -> None:
     """Let every law have the surface, and the zero of the force, where they were given."""
     for slot in range(CANDIDATES + 1):
-        finder.law[slot, 1 + SURFACE_FIRST :] = 0.0
+        forget_zeros_of(finder.law[slot])
+
+
+@compiled
+def forget_zeros_of(law: Any) -> None:
+    """Let a law have the surface, and the zero of the force, where they were given."""
+    law[1 + SURFACE_FIRST :] = 0.0
 
 
 @compiled

@@ -51,6 +51,12 @@ def forget(finder: Any) -> None:
     """No point is kept, none of those that are in the grid by now will be, and no fit to them."""
     finder.kept = 0
     finder.kept_from = finder.grid_count
+    fit_anew(finder)
+
+
+@compiled
+def fit_anew(finder: Any) -> None:
+    """What was fitted no longer holds; the points that are kept do."""
     finder.fitted = 0
     finder.clear = 0
     finder.fits = 0

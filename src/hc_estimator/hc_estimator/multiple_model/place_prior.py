@@ -25,10 +25,17 @@ NARROW = 0.03  # width of a parabola that misses nothing [s]
 
 
 @compiled
-def set_same(place: Any) -> None:
-    """It is the place before: what was known of K and n is the prior, and its height stays."""
+def set_same(place: Any, height_variance: float) -> None:
+    """It is the place before: what was known of K and n is the prior, and about its height.
+
+    Exactly at its height each tap on a surface that sinks was another place, known by that one tap.
+
+    Args:
+        place: its prior is set.
+        height_variance: of a surface that is level [mm^2].
+    """
     copy_vector(place.before, place.guess)
-    _set_known(place, place.before_covariance, LEAST_VARIANCE)
+    _set_known(place, place.before_covariance, height_variance)
 
 
 @compiled

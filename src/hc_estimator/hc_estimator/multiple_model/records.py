@@ -259,6 +259,7 @@ ONSET = record_type(
         Field("about", np.float64, (2,)),
         Field("about_time", np.float64, (), finite=False),
         Field("in_air", np.int64, (), 0, 1),  # 1 once the tool was seen to travel in the air
+        Field("at_floor", np.int64, (), 0, 1),  # 1 if that was between two contacts
         Field("force_seen", np.int64, (), 0, 1),  # 1 once there was a force
         Field("touched", np.int64, (), 0, 1),  # 1 once it was gone again
         Field("contradictions", np.int64, (), 0),  # readings in a row against the contact position
@@ -267,6 +268,13 @@ ONSET = record_type(
         # The window in which the force stays the same:
         Field("window", WINDOW),
         Field("highest_level", np.float64),  # largest mean of a window that was not in the air [N]
+        Field("highest_at", np.float64),  # mean displacement of that one [mm]
+        Field("lowest_level", np.float64),  # smallest [N]
+        # Level to which the force comes down between two contacts, and variance of that mean [N],
+        # [N^2]; 0: none yet.
+        Field("floor", np.float64),
+        Field("floor_variance", np.float64, (), 0.0),
+        Field("floor_time", np.float64),  # of the latest [s]
         Field("upward", np.float64, (), 0.0),  # cumulative sums
         Field("downward", np.float64, (), 0.0),
         Field("fastest", np.float64),  # velocity [mm/s]

@@ -57,6 +57,9 @@ def move_readings(bank: Any) -> None:
     onset.free_at -= displacement
     onset.about -= displacement
     onset.highest_level -= force
+    onset.highest_at -= displacement
+    onset.lowest_level -= force
+    onset.floor -= force
     if force != 0.0:
         onset.first_force = 0.0
     if displacement != 0.0:

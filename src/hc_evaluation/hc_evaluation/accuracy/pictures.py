@@ -109,10 +109,12 @@ def _say_beyond(axis: Axes, time: Any, value: Any, limit: float) -> None:
     """Say how far a curve leaves its frame, which would show a part of it only."""
     beyond = value > limit
     if np.any(beyond):
+        first, last = (f"{instant:.1f} s" for instant in time[beyond][[0, -1]])
+        when = f"at {first}" if first == last else f"between {first} and {last}"
         axis.text(
             1.0,
             1.03,  # above the frame, which curves may fill
-            f"up to {np.max(value):.3g} within {time[beyond][0]:.1f} to {time[beyond][-1]:.1f} s",
+            f"up to {np.max(value):.3g} {when}",
             transform=axis.transAxes,
             ha="right",
             va="bottom",

@@ -243,7 +243,11 @@ HC.App = class {
     document.body.classList.toggle("with-controls", open);
     document.getElementById("open-controls").setAttribute("aria-expanded", String(open));
     if (open) this.controls.refresh();
-    document.getElementById(open ? "close-controls" : "open-controls").focus();
+    if (open) this.before = document.activeElement; // the page itself, where a key opened them
+    const back = this.before === document.body ? null : document.getElementById("open-controls");
+    if (open) document.getElementById("close-controls").focus();
+    else if (back) back.focus();
+    else document.activeElement.blur(); // so that space freezes again, and presses no button
   }
 
   setWindow(index) {

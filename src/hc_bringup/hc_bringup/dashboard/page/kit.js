@@ -87,6 +87,13 @@ HC.withAlpha = function (colour, alpha) {
   return `rgba(${match.slice(1).map((h) => parseInt(h, 16)).join(",")},${alpha})`;
 };
 
+/* A colour that lets so much of what is behind it through, opaque: pieces drawn side by side overlap. */
+HC.onPanel = function (colour, share) {
+  const parts = (hex) => hex.slice(1).match(/../g).map((h) => parseInt(h, 16));
+  const behind = parts(HC.palette.panel);
+  return `rgb(${parts(colour).map((c, i) => Math.round(behind[i] + share * (c - behind[i]))).join(",")})`;
+};
+
 HC.FACETS = [{ scale: "x", auto: true }, { scale: "y", auto: true }];
 
 /* Every chart of the page, so that sizes and themes reach them all. */
@@ -119,6 +126,15 @@ HC.tickLabels = function (_plot, splits, _axis, _space, step) {
   while (places < 7 && rest(step * 10 ** places)) places++;
   if (largest >= 1e6) return splits.map((v) => v.toExponential(1));
   return splits.map((v) => v.toFixed(places));
+};
+
+/* An axis in decades, with a line at each; uPlot leaves out the labels that have no room. */
+HC.wholeDecades = (_plot, splits) =>
+  splits.map((v) => (v > 0 && Math.abs(Math.log10(v) % 1) < 1e-9 ? v : null));
+HC.DECADES_AXIS = {
+  grid: { stroke: () => HC.palette.grid, width: 1, filter: HC.wholeDecades },
+  ticks: { stroke: () => HC.palette.grid, width: 1, size: 4, filter: HC.wholeDecades },
+  space: 30, values: (_plot, splits) => splits.map((v) => (v === null ? "" : String(Number(v.toPrecision(6))))),
 };
 
 /* The same for a time axis, whose unit stands at the last label. */

@@ -47,7 +47,7 @@ HC.ParameterPanel = class {
     const known = at(this.name + "_known");
     HC.setText(this.value, HC.withDeviation(value, 2 * deviation));
     this.known.value = isFinite(known) ? known : 0;
-    const share = isFinite(known) ? Math.floor(100 * known) + " % known from the data" : "not known";
+    const share = isFinite(known) ? Math.round(100 * known) + " % known from the data" : "not known";
     this.known.title = share;
     HC.setText(this.host.querySelector(".share"), share);
     const truth = at(this.name + "_true");

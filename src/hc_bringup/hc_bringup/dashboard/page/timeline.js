@@ -96,7 +96,7 @@ HC.TimelinePanel = class {
     const [contact, mismatch, hypothesis] = this.lanes || [[], [], []];
     fill(0, (i) => (contact[i] ? HC.palette.good : null));
     fill(1, (i) => (contact[i] === null ? null : mismatch[i] ? HC.palette.alarm
-      : contact[i] ? HC.withAlpha(HC.palette.good, 0.45) : null));
+      : contact[i] ? HC.onPanel(HC.palette.good, 0.35) : null));
     fill(2, (i) => (hypothesis[i] === null ? null : HC.HYPOTHESIS_COLOURS[hypothesis[i]]));
     for (const event of this.events) {
       const at = event.time - this.origin;

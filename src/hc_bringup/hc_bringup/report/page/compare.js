@@ -5,6 +5,9 @@
 HC.VARIANTS = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#7828f0", "#a02828"];
 HC.DASHES = [[], [8, 3], [2, 3], [10, 3, 2, 3], [], [8, 3], [2, 3], [10, 3, 2, 3]];
 
+/* What differs by decades from filter to filter is drawn so. */
+HC.IN_DECADES = ["rms", "nis"];
+
 HC.Comparison = class {
   constructor(data) {
     this.span = [null, null];
@@ -31,7 +34,9 @@ HC.Comparison = class {
 
   chart(host, name, variants, truth) {
     // uPlot wants one time axis: all times together, and nothing where a curve has no point.
-    const tables = variants.map((v) => [v.time, v[name].map((x) => (isFinite(x) ? x : null))]);
+    const decades = HC.IN_DECADES.includes(name);
+    const drawn = (x) => isFinite(x) && (x > 0 || !decades);
+    const tables = variants.map((v) => [v.time, v[name].map((x) => (drawn(x) ? x : null))]);
     if (truth && truth[name]) tables.push([truth.time, truth[name]]);
     const data = uPlot.join(tables);
     const end = Math.max(...variants.map((v) => v.time.at(-1)));
@@ -48,7 +53,9 @@ HC.Comparison = class {
       height: 210,
       sync: "time",
       x: { range: () => [this.span[0] ?? begin, this.span[1] ?? end] },
-      y: { range: () => this.limits(chart, name, variants, truth), axis: { size: HC.labelRoom(54) } },
+      y: { range: () => (decades ? this.decades : this.limits).call(this, chart, name, variants, truth),
+        axis: { size: HC.labelRoom(54), ...(decades ? HC.DECADES_AXIS : {}) },
+        ...(decades ? { scale: { distr: 3 } } : {}) },
       series,
       tip: (plot, i) => this.describe(plot, i, variants, name, truth),
     }, data);
@@ -58,6 +65,27 @@ HC.Comparison = class {
 
   /* A range of what is shown that one bad curve or its first guess does not spoil. */
   limits(chart, name, variants, truth) {
+    const values = this.inSight(chart, name, variants);
+    if (truth && truth[name]) values.push(...truth[name].filter(isFinite));
+    if (!values.length) return [0, 1];
+    values.sort((a, b) => a - b);
+    const low = values[Math.floor(0.01 * (values.length - 1))];
+    const high = values[Math.floor(0.99 * (values.length - 1))];
+    const margin = 0.15 * (high - low) || 0.05 * Math.abs(high) || 1;
+    return [Math.max(0, low - margin), high + margin];
+  }
+
+  /* All that is shown, whole decades of it. */
+  decades(chart, name, variants) {
+    const values = this.inSight(chart, name, variants).filter((x) => x > 0);
+    if (!values.length) return [0.1, 10];
+    const whole = (round, x) => 10 ** round(Math.log10(x));
+    const low = whole(Math.floor, values.reduce((a, b) => Math.min(a, b)));
+    const high = whole(Math.ceil, values.reduce((a, b) => Math.max(a, b)));
+    return [low, high > low ? high : 10 * low];
+  }
+
+  inSight(chart, name, variants) {
     const [from, to] = this.span;
     const values = [];
     variants.forEach((v, i) => {
@@ -67,13 +95,7 @@ HC.Comparison = class {
         if (t >= first && t <= (to ?? Infinity) && isFinite(v[name][k])) values.push(v[name][k]);
       });
     });
-    if (truth && truth[name]) values.push(...truth[name].filter(isFinite));
-    if (!values.length) return [0, 1];
-    values.sort((a, b) => a - b);
-    const low = values[Math.floor(0.01 * (values.length - 1))];
-    const high = values[Math.floor(0.99 * (values.length - 1))];
-    const margin = 0.15 * (high - low) || 0.05 * Math.abs(high) || 1;
-    return [Math.max(0, low - margin), high + margin];
+    return values;
   }
 
   describe(plot, index, variants, name, truth) {
