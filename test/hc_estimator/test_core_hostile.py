@@ -251,6 +251,17 @@ def test_ten_seconds_of_good_data_give_the_stiffness_to_the_default(phase, seeds
         assert series.parameters[-1, 0] == pytest.approx(TISSUE[0], rel=0.01), f"seed {seed}"
 
 
+LEARNT = [(spikes, 7), (another_law, 1), (wandering, 3), (wandering, 8)]
+
+
+@pytest.mark.parametrize(("phase", "seed"), LEARNT)
+def test_depths_and_speeds_of_rubbish_bound_the_stiffness_for_seconds_only(phase, seed, plant):
+    """Regression: the K that was given out stayed 59 to 100 % too low; the forces were right."""
+    order = [(PHASES.index(phase), seed)]
+    series, _, _ = after(plant, "self_tuning_ukf", "kinematic", order)
+    assert series.parameters[-1, 0] == pytest.approx(TISSUE[0], rel=0.01)
+
+
 @pytest.mark.parametrize("examples", [8, pytest.param(100, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("missing", [False, True], ids=["pairs", "missing"])
 def test_the_default_is_sound_after_every_sample(missing, examples, plant):

@@ -200,7 +200,7 @@ def test_the_derivatives_stay_small_where_little_is_known(recording, records_of)
         bank = records_of(estimator)[1]
         for row in bank.rows:
             if row.active:
-                assert np.abs(row.by_delay[LOG_STIFFNESS:ACCELERATION]).max() < 200.0
+                assert np.abs(row.by_delay[LOG_STIFFNESS:ACCELERATION]).max() < 300.0
                 assert abs(row.by_delay[ACCELERATION]) < 1e4  # the motion's own jerk is as much
 
 

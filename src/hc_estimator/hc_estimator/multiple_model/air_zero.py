@@ -20,7 +20,7 @@ from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import air_window, zero_moves
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.air_window import FEWEST, LEAST_TRAVEL, SIGNIFICANT, SMALLEST_ZERO
-from hc_estimator.multiple_model.contact_onset import LEAST_DISTANCE, SURE
+from hc_estimator.multiple_model.contact_onset import CAME_DOWN, LEAST_DISTANCE, SURE
 from hc_estimator.multiple_model.hypotheses import DEPTH
 
 SURELY = 3.0  # deviations of the depth
@@ -128,7 +128,7 @@ def _conclude(bank: Any, time: float) -> None:
 def _move(bank: Any, level: float, deviation: float, time: float) -> None:
     """Let the zero be what the force reads; what was felt while it moved has a share of that."""
     onset = bank.onset
-    onset.in_air = 1
+    onset.in_air = max(onset.in_air, CAME_DOWN)
     onset.force_deviation = deviation
     onset.shift[0] = 0.0
     onset.shift[1] = level

@@ -45,7 +45,6 @@ SPECIFICATIONS = (
 
 OUT_TIME = 0.05  # without a force, though there is one by the law, before a contact is new [s]
 MORE = 1.25  # times as many points at which it is asked again
-UNEVEN = 0.03  # of a surface that is level [mm]
 DOUBTED = 0.3  # share of an alarm from which on it is asked
 LIKELIER = 20.0  # logarithm of the evidence by which it is another place
 LIKELIER_AGAIN = 5.0  # the same once there was one
@@ -250,7 +249,7 @@ def _is_another(settings: Any, bank: Any) -> bool:
     place.first = history.contact
     place.last = history.count
     if place.is_other == 0:
-        place_prior.set_same(place, UNEVEN**2)
+        place_prior.set_same(place)
         copy_vector(place.guess, place.values)
         same = place_fit.fit(settings, place, history, noise, 1.0, 1)
         # A place that explains the contact to within the noise is no other one.
@@ -273,7 +272,7 @@ def _is_another(settings: Any, bank: Any) -> bool:
     place_fit.note_covariance(settings, place)
     copy_vector(place.values, place.outcome_elsewhere)
     copy_matrix(place.covariance, place.covariance_elsewhere)
-    place_prior.set_other(place, place.before_covariance[POSITION, POSITION] + UNEVEN**2)
+    place_prior.set_other(place, place.before_covariance[POSITION, POSITION] + place_prior.UNEVEN**2)
     place.values[POSITION] = place.guess[POSITION]
     level = _evidence(settings, place, history, noise, weight, 2)
     place_fit.note_covariance(settings, place)
@@ -282,7 +281,7 @@ def _is_another(settings: Any, bank: Any) -> bool:
     place_average.join(place, probability(elsewhere - level - odds))
     if place.is_other != 0:
         return True
-    place_prior.set_same(place, UNEVEN**2)
+    place_prior.set_same(place)
     copy_vector(place.guess, place.values)
     lead = max(level, elsewhere) - _evidence(settings, place, history, noise, weight, 2)
     if needed and lead > (LIKELIER if place.found == 0 else LIKELIER_AGAIN):

@@ -77,27 +77,13 @@ def update(settings: Any, bank: Any) -> bool:
     Returns:
         True if the points were fitted anew.
     """
-    history, finder = bank.history, bank.delay
+    history, finder, constant, row = bank.history, bank.delay, bank.rows[0], bank.rows[FITTED]
     if not histories.learn(history, finder, bank.sensor_noise):
         return False
     count = history.count - histories.oldest(history)
     due = min(SHARE * count * history.every, RAREST / finder.grid_step)
     if count < FEWEST or history.unfitted < due:
         return False
-    renew(settings, bank)
-    return True
-
-
-@compiled
-def renew(settings: Any, bank: Any) -> None:
-    """Fit the remembered points anew; the fitted row takes the fit, or is switched off.
-
-    Args:
-        settings: settings record.
-        bank: the fit and the fitted row are changed.
-    """
-    history, finder, constant, row = bank.history, bank.delay, bank.rows[0], bank.rows[FITTED]
-    count = history.count - histories.oldest(history)
     history.unfitted = 0
     if history.fitted == 0:
         for i in range(4):
@@ -110,7 +96,7 @@ def renew(settings: Any, bank: Any) -> None:
         row.active = 0
         _forget(history)
         histories.forget_older_half(history)
-        return
+        return True
     if row.active == 0:
         row.active = 1
         # A copy of one that waits waits too.
@@ -120,6 +106,7 @@ def renew(settings: Any, bank: Any) -> None:
     history.fitted = 1
     history.left = left if left > SMALLEST_SHARE * bank.sensor_noise[1] else 0.0
     give(history, constant, row)
+    return True
 
 
 @compiled

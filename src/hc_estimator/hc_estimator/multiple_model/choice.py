@@ -168,11 +168,7 @@ def _cost(row: Any) -> float:
 
 @compiled
 def _is_doubtful(judge: Any, row: Any, best_still: float) -> bool:
-    """True for a surface that was not chosen yet, and predicts no better than one that stays.
-
-    Whether what stays is consistent is not asked: at the first retreat nothing is, of a tissue that
-    relaxes, and a surface that sinks explains one way there and one back, whatever is wrong.
-    """
+    """True for a surface that was not chosen yet, and predicts no better than one that stays."""
     if not SURFACE[row.index] or row.index == judge.chosen:
         return False
     return bool(SURFACE_GAIN * _cost(row) > best_still)
@@ -197,6 +193,9 @@ def choose(settings: Any, judge: Any, rows: Any, tool: Any, clock: float) -> Non
     for m in range(FRESH):
         rows[m].log_likelihood = max(rows[m].log_likelihood, likeliest - FLOOR)
     best, best_still, best_fitting = math.inf, math.inf, math.inf
+    # Of a tissue that relaxes nothing is consistent at the first retreat, and a surface that sinks
+    # explains one way there and one back, whatever is wrong.
+    early = clock < STEADY_TIME
     learning = _still_learns(rows[0]) or _still_learns(rows[FITTED])
     learning = learning and _is_eligible(rows[FITTED], clock, steadiest, likeliest)
     asked = FITTED + 1 if learning else FRESH
@@ -205,8 +204,9 @@ def choose(settings: Any, judge: Any, rows: Any, tool: Any, clock: float) -> Non
             continue
         if _is_eligible(rows[m], clock, steadiest, likeliest):
             best = min(best, _cost(rows[m]))
-        if not SURFACE[m] and counts(rows[m], clock):
-            best_still = min(best_still, _cost(rows[m]))
+        elif not early or not counts(rows[m], clock):
+            continue
+        best_still = best_still if SURFACE[m] else min(best_still, _cost(rows[m]))
     for m in range(FRESH):
         rows[m].score = min(rows[m].score, FORGIVEN * best)
     for m in range(asked):
@@ -225,7 +225,7 @@ def choose(settings: Any, judge: Any, rows: Any, tool: Any, clock: float) -> Non
         row = rows[m]
         if REFINES[m] or (must_fit and row.model_error > 0.0):
             continue
-        if not must_fit and _is_doubtful(judge, row, best_still):
+        if early and not must_fit and _is_doubtful(judge, row, best_still):
             continue
         likelier = must_fit and row.log_likelihood >= likeliest + REFUTED
         if stands_by(judge, m) and not (likelier and _is_steady(row, clock)):

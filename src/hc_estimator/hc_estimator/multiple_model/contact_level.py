@@ -23,11 +23,11 @@ SETTLING = 5  # readings in the mean before one can leave it
 RESTING = 8.0  # deviations of the displacement sensor within which a tool is that rests
 DOWN = 0.8  # share of its travel in the air below which the tool was when the force came
 WILDEST = 4.0  # scatter of a working sensor in the air over its noise variance
-AFTER = 2.0  # forces that are sure, by which a contact has pushed more than this
+SURELY = 2.0  # forces that are sure, one beyond doubt
 FEWEST_AGAIN, LEAST_AGAIN = 10, 0.2  # readings and travel in the air between two contacts [mm]
 FLOOR_SHARE = 0.05  # of the largest force, that a zero is off at most
 STEEPEST = 3.0  # exponent of a tissue
-LATEST = 3.0  # time within which a second visit to the floor is waited for [s]
+LATEST = 3.0  # time within which a contact is waited for, or a second visit to the floor [s]
 NOWHERE = 1e9  # [N]
 
 
@@ -112,7 +112,7 @@ def is_air(onset: Any, noise: Any, sure: float) -> bool:
     way = inside.highest - inside.lowest
     if inside.count < FEWEST or not air_window.travels(inside, noise, air_window.LEAST_TRAVEL):
         return False
-    if onset.highest_level > mean[1] + AFTER * sure:
+    if onset.highest_level > mean[1] + SURELY * sure:
         return False
     if onset.inside_at < onset.window.lowest + DOWN * way:
         return False
@@ -128,7 +128,7 @@ def is_air(onset: Any, noise: Any, sure: float) -> bool:
     if onset.air_slowing * mean[0] > onset.air_fastest * way:
         return False
     # A tissue that pushed so would push at least in proportion to the depth.
-    return bool(mean[1] / mean[0] > 2.0 * SAME * math.sqrt(scatter / inside.moment[0]))
+    return _would_show(inside, mean[1] / mean[0])
 
 
 @compiled
@@ -151,7 +151,7 @@ def is_floor(onset: Any, noise: Any, sure: float) -> bool:
         return False
     if not air_window.travels(inside, noise, LEAST_AGAIN):
         return False
-    if onset.highest_level <= level + AFTER * sure or level > onset.lowest_level + sure:
+    if onset.highest_level <= level + SURELY * sure or level > onset.lowest_level + sure:
         return False
     # A force within the noise is no reason to look for another zero.
     if not sure < abs(level) < FLOOR_SHARE * onset.highest_level:
@@ -182,8 +182,14 @@ def _may_be_tissue(onset: Any, level: float) -> bool:
     if not way > 0.0:
         return True
     steps = (onset.highest_level / level) ** (1.0 / STEEPEST) - 1.0
-    slope = STEEPEST * steps * level / way
-    return bool(slope < 2.0 * SAME * math.sqrt(air_window.scatter_of(inside) / inside.moment[0]))
+    return not _would_show(inside, STEEPEST * steps * level / way)
+
+
+@compiled
+def _would_show(window: Any, slope: float) -> bool:
+    """True if the force would be seen to change with the place by so much [N/mm]."""
+    scatter = air_window.scatter_of(window)
+    return bool(slope > 2.0 * SAME * math.sqrt(scatter / window.moment[0]))
 
 
 @compiled

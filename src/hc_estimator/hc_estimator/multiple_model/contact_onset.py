@@ -36,15 +36,15 @@ from hc_estimator.multiple_model import (
 )
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model.air_window import SIGNIFICANT, SMALLEST_ZERO
-from hc_estimator.multiple_model.contact_level import STEEPEST
+from hc_estimator.multiple_model.contact_level import LATEST, STEEPEST, SURELY
 from hc_estimator.multiple_model.contact_rise import LARGEST_SHIFT
 from hc_estimator.multiple_model.delay_records import RAW
 from hc_estimator.multiple_model.hypotheses import DEPTH, SURFACE_ROW, VELOCITY, is_tried
 
 SURE = 5.0  # deviations of the force sensor beyond which there is a force
+CAME_DOWN, BETWEEN = 1, 2  # where the tool was seen in the air; see `records`
 IN_A_ROW = 3  # readings that must say so
 GROWTH = 1.5  # of the force since it was first sure
-SURELY = 2.0  # factor on the force that a law through the zero allows
 LARGEST_DELAY = 0.06  # of the channels while it is not known [s]
 # Of the contact position from the zero; and largest deviation of the tool's place [mm].
 LEAST_DISTANCE = 0.1
@@ -53,7 +53,6 @@ SPAN = 8  # readings over which the speed is taken in looking back
 HALF_WAY = 0.5  # the force became sure in between
 GUESSED = 0.35  # extrapolated with an exponent that is not known
 CLOSEST = 0.2  # smallest [mm]
-LATEST = 3.0  # time from the last reading without force within which it must come [s]
 
 
 @compiled
@@ -77,7 +76,6 @@ def restart(onset: Any) -> None:
     onset.about_time = math.nan
     onset.free = 0
     onset.in_air = 0
-    onset.at_floor = 0
     onset.force_seen = 0
     onset.touched = 0
     onset.contradictions = 0
@@ -162,18 +160,15 @@ def _take(
             if side > 0 and contact_rise.was_level(onset):
                 air_window.clear(onset.rise)
         if side > 0 and not is_air and contact_level.is_floor(onset, noise, sure):
-            level, deviation = onset.floor, math.sqrt(onset.floor_variance)
+            onset.shift[1] = onset.floor
+            onset.force_deviation = math.sqrt(onset.floor_variance)
             restart(onset)
             onset.looked_back = 1
-            onset.in_air = 1
-            onset.at_floor = 1
-            onset.shift[1] = level
-            onset.force_deviation = deviation
+            onset.in_air = BETWEEN
             return True
         air_window.clear(onset.window)
         if is_air and side > 0:
-            onset.in_air = 1
-            onset.at_floor = 0
+            onset.in_air = CAME_DOWN
             onset.free = 1
             onset.free_at = onset.inside_at
             onset.free_time = onset.inside_time
@@ -189,7 +184,7 @@ def _take(
         onset.first_force = 0.0
         if onset.force_seen != 0:
             onset.touched = 1
-        if not _is_air_seen(onset):  # else the place where the force left its mean is closer
+        if onset.in_air != CAME_DOWN:  # else the place where the force left its mean is closer
             onset.free = 1
             onset.free_at = displacement
             onset.free_time = time
@@ -241,12 +236,6 @@ def _take(
 
 
 @compiled
-def _is_air_seen(onset: Any) -> bool:
-    """True if the tool came down in the air before this contact, so that its place is known."""
-    return bool(onset.in_air != 0 and onset.at_floor == 0)
-
-
-@compiled
 def _look_about(onset: Any, finder: Any, displacement: float) -> bool:
     """Note where the tool was when the force was last not felt, and first was, at any delay.
 
@@ -292,7 +281,7 @@ def _contradicts(
     if highest < -near:
         return True
     # Later on a force is absent where the tool leaves faster than the tissue follows.
-    if not _is_air_seen(onset) or onset.touched != 0 or lowest < near:
+    if onset.in_air != CAME_DOWN or onset.touched != 0 or lowest < near:
         return False
     # No law through the zero that stays below the noise up to there rises so until here.
     return bool(force > SURELY * sure * (displacement / lowest) ** STEEPEST)

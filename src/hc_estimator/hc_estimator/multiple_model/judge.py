@@ -233,7 +233,7 @@ def _seed_anew(judge: Any, rows: Any, clock: float, elapsed: float) -> None:
     chosen = rows[judge.chosen]
     for m in range(FRESH):
         row = rows[m]
-        if m == judge.chosen or m == FITTED or row.active == 0:
+        if m == judge.chosen or row.active == 0:
             continue
         misfits = row.model_error > 0.0 and row.score > WORSE * chosen.score
         if not (misfits or row.recent_nis > CONSISTENT * steadiest):

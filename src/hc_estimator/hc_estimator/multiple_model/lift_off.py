@@ -60,23 +60,19 @@ def review(settings: Any, bank: Any) -> None:
     """
     rows, judge, history = bank.rows, bank.judge, bank.history
     fitted, chosen = rows[FITTED], rows[judge.chosen]
-    if settings.review_contact == 0 or fitted.active == 0 or SURFACE[judge.chosen]:
-        return
-    if history.unfitted > 0:
-        batch_fit.renew(settings, bank)
-    if history.fitted != 0:  # the row may have filtered on, or begun anew with the chosen one
-        batch_fit.give(history, rows[0], fitted)
-    if fitted.active == 0 or judge.chosen == FITTED:
+    drifts = judge.chosen > FITTED and not SURFACE[judge.chosen]
+    if settings.review_contact == 0 or fitted.active == 0 or not drifts:
         return
     first = _begin_of_contact(history)
     if history.count - first < FEWEST:
         return
     points, last = history.points, history.count
     left = squares_left(settings, points, first, last, chosen)
-    # Constant tissue claims to explain all of it, and what does not fit claims nothing.
-    fits, drifts = chosen.model_error == 0.0, judge.chosen > FITTED
-    if fits and drifts and left < FAR_OFF**2 * squared_forces(points, first, last):
+    fits = chosen.model_error == 0.0  # what does not fit claims nothing
+    if fits and left < FAR_OFF**2 * squared_forces(points, first, last):
         return
+    if history.fitted != 0:  # the row itself may have begun anew with the chosen one since
+        batch_fit.give(history, rows[0], fitted)
     largest = CLEARLY**2 * left if fits else left
     if squares_left(settings, points, first, last, fitted) > largest:
         return

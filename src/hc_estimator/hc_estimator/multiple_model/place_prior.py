@@ -18,6 +18,7 @@ LONGEST = 2.0  # time of a contact that is used [s]
 # Of ln K, ln B / K, n and p about those of the place before, and of the height [mm].
 DEVIATIONS = (1.0, 1.0, 0.3, 0.1)
 HEIGHT_DEVIATION = 1.0
+UNEVEN = 0.03  # of a surface that is level [mm]
 VARIES = 0.01  # deviation of ln K and ln B by which the same place is another later on
 LEAST_VARIANCE = 1e-8
 CONSISTENT = 1.5  # squares left, in those of the noise, up to which a law fits
@@ -25,17 +26,16 @@ NARROW = 0.03  # width of a parabola that misses nothing [s]
 
 
 @compiled
-def set_same(place: Any, height_variance: float) -> None:
+def set_same(place: Any) -> None:
     """It is the place before: what was known of K and n is the prior, and about its height.
 
     Exactly at its height each tap on a surface that sinks was another place, known by that one tap.
 
     Args:
         place: its prior is set.
-        height_variance: of a surface that is level [mm^2].
     """
     copy_vector(place.before, place.guess)
-    _set_known(place, place.before_covariance, height_variance)
+    _set_known(place, place.before_covariance, UNEVEN**2)
 
 
 @compiled

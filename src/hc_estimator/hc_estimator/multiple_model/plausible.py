@@ -1,4 +1,4 @@
-"""No row may expect a force far beyond what was ever felt, where depth and speed are not new.
+"""No row may expect a force far beyond what was ever felt, where depth and speed are not new of late.
 
 A recursive filter whose linearisation broke down, or that learnt from a wrong motion, can stand at
 parameters whose law explodes a moment later. Such a row is no hypothesis any more: it begins anew
@@ -39,6 +39,9 @@ NOISE = 10.0  # deviations of the force sensor that are added to it
 KNOWN_AFTER = 0.1  # in contact before it means anything [s]
 LARGEST_FORETOLD = 3.0  # of the largest force felt, where deepest and fastest come together
 SURE = 0.2  # deviation of ln K and ln B of a law that is known, whatever it foretells
+# Time in contact, once or twice, after which it is forgotten where the tool was and how fast [s]:
+# what was taken for its motion in half a second of rubbish bounded the stiffness that is given out.
+REMEMBERED = 4.0
 NOWHERE = 1e9  # [mm]
 DEVIATIONS = (1.0, 1.0, 0.3, 0.1)  # of ln K, ln B, n and p of a row brought down
 
@@ -48,6 +51,7 @@ def reset(tool: Any) -> None:
     """Nothing was felt so far."""
     tool.deepest = -NOWHERE
     tool.fastest = 0.0
+    _begin_stretch(tool)
     tool.largest_force = 0.0
     tool.known_time = 0.0
     tool.mean_square_force = 0.0
@@ -55,10 +59,25 @@ def reset(tool: Any) -> None:
 
 
 @compiled
+def _begin_stretch(tool: Any) -> None:
+    """Where the tool was before the stretch that is over will be forgotten after the next one."""
+    tool.latest_deepest = -NOWHERE
+    tool.latest_fastest = 0.0
+    tool.stretch_time = 0.0
+
+
+@compiled
 def learn(tool: Any, row: Any, force: float, elapsed: float) -> None:
     """Take a force reading [N] in contact, the chosen row, and the time since the last one [s]."""
-    tool.deepest = max(tool.deepest, row.state[DEPTH])
-    tool.fastest = max(tool.fastest, abs(row.state[VELOCITY]))
+    depth, speed = row.state[DEPTH], abs(row.state[VELOCITY])
+    tool.latest_deepest = max(tool.latest_deepest, depth)
+    tool.latest_fastest = max(tool.latest_fastest, speed)
+    tool.stretch_time += elapsed
+    if tool.stretch_time > REMEMBERED:
+        tool.deepest, tool.fastest = tool.latest_deepest, tool.latest_fastest
+        _begin_stretch(tool)
+    tool.deepest = max(tool.deepest, depth)
+    tool.fastest = max(tool.fastest, speed)
     tool.largest_force = max(tool.largest_force, force)
     tool.known_time += elapsed
     tool.mean_square_force += min(1.0, elapsed) * (force * force - tool.mean_square_force)
@@ -73,6 +92,7 @@ def move(tool: Any, displacement: float, force: float) -> None:
     """The zeros have moved by so much [mm], [N]; what was felt is the same."""
     if tool.deepest > -NOWHERE:
         tool.deepest -= displacement
+        tool.latest_deepest -= displacement
         tool.largest_force = max(tool.largest_force - force, 0.0)
 
 

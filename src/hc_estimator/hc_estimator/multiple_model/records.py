@@ -77,8 +77,12 @@ TOOL = record_type(
         Field("retreated", np.int64, (), 0, 1),  # 1 once the tool has moved out in contact
         Field("away_time", np.float64, (), 0.0),  # since contact was lost [s]
         Field("contact_clock", np.float64, (), 0.0),  # time in contact so far [s]
-        Field("deepest", np.float64),  # largest displacement in contact [mm]
+        Field("deepest", np.float64),  # largest displacement in contact of late [mm]
         Field("fastest", np.float64, (), 0.0),  # largest speed there [mm/s]
+        # The same in the present stretch, and its time in contact so far [s]; see `plausible`.
+        Field("latest_deepest", np.float64),
+        Field("latest_fastest", np.float64, (), 0.0),
+        Field("stretch_time", np.float64, (), 0.0),
         Field("largest_force", np.float64, (), 0.0),  # [N]
         Field("known_time", np.float64, (), 0.0),  # in contact in which these were learnt [s]
         Field("mean_square_force", np.float64, (), 0.0),  # of the last second in contact [N^2]
@@ -258,8 +262,8 @@ ONSET = record_type(
         # and the latter when they were looked for [mm], [s].
         Field("about", np.float64, (2,)),
         Field("about_time", np.float64, (), finite=False),
-        Field("in_air", np.int64, (), 0, 1),  # 1 once the tool was seen to travel in the air
-        Field("at_floor", np.int64, (), 0, 1),  # 1 if that was between two contacts
+        # 1 once the tool was seen to come down in the air, 2 if it was seen between two contacts.
+        Field("in_air", np.int64, (), 0, 2),
         Field("force_seen", np.int64, (), 0, 1),  # 1 once there was a force
         Field("touched", np.int64, (), 0, 1),  # 1 once it was gone again
         Field("contradictions", np.int64, (), 0),  # readings in a row against the contact position
