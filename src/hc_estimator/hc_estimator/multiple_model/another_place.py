@@ -272,7 +272,8 @@ def _is_another(settings: Any, bank: Any) -> bool:
     place_fit.note_covariance(settings, place)
     copy_vector(place.values, place.outcome_elsewhere)
     copy_matrix(place.covariance, place.covariance_elsewhere)
-    place_prior.set_other(place, place.before_covariance[POSITION, POSITION] + place_prior.UNEVEN**2)
+    known = place.before_covariance[POSITION, POSITION]
+    place_prior.set_other(place, known + place_prior.UNEVEN**2)
     place.values[POSITION] = place.guess[POSITION]
     level = _evidence(settings, place, history, noise, weight, 2)
     place_fit.note_covariance(settings, place)

@@ -1,4 +1,4 @@
-"""No row may expect a force far beyond what was ever felt, where depth and speed are not new of late.
+"""No row may expect a force far beyond what was ever felt, where depth and speed are not new.
 
 A recursive filter whose linearisation broke down, or that learnt from a wrong motion, can stand at
 parameters whose law explodes a moment later. Such a row is no hypothesis any more: it begins anew
