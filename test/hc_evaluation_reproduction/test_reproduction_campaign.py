@@ -98,6 +98,7 @@ def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
 SCRIPT = """
 import sys, time
 from pathlib import Path
+import cloudpickle
 from hc_evaluation.reproduction import campaign
 
 def run(name, seeds):  # no filter: nothing to compile in three processes
@@ -106,6 +107,7 @@ def run(name, seeds):  # no filter: nothing to compile in three processes
 
 if __name__ == "__main__":
     campaign.run_seeds = run
+    cloudpickle.register_pickle_by_value(campaign)  # else the workers import it as it is
     campaign.run_campaign(["a_table_2"], seeds=20000, output=Path(sys.argv[1]), workers=2)
 """
 
