@@ -59,6 +59,24 @@ def recording():
 
 
 @pytest.fixture
+def check_taps():
+    """Checks that after 6 s K of `taps` is within bounds, that the law fits, and calls no change.
+
+    Bounds of the error of ln K: in the median, and at 95 % of the samples 0.02.
+    """
+
+    def check(time, series, largest_median):
+        settled = time > 6.0
+        off = np.abs(np.log(series.parameters[settled, 0] / 0.25))
+        assert np.median(off) < largest_median
+        assert np.quantile(off, 0.95) < 0.02
+        assert np.mean(series.model_mismatch[settled]) < 0.02
+        assert not np.any(series.change_detected)
+
+    return check
+
+
+@pytest.fixture
 def taps(plant):
     """Simulates taps of 1.3 Hz on a surface that moves: time [s], displacement [mm], force [N]."""
 
