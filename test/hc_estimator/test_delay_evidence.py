@@ -202,6 +202,8 @@ def test_the_derivatives_stay_small_where_little_is_known(recording, records_of)
             if row.active:
                 assert np.abs(row.by_delay[LOG_STIFFNESS:ACCELERATION]).max() < 300.0
                 assert abs(row.by_delay[ACCELERATION]) < 1e4  # the motion's own jerk is as much
+        given = bank.rows[bank.judge.chosen].by_delay[LOG_STIFFNESS:ACCELERATION]
+        assert np.abs(given).max() < 100.0
 
 
 def test_a_delay_that_points_of_another_tissue_have_said_still_holds(records_of):
