@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 from scipy.signal import butter, lfilter, sosfiltfilt
 
 from hc_evaluation.accuracy.scenarios import log_uniform
@@ -257,19 +258,26 @@ def drawn_contact(
     for name in troubles:
         place = list(TROUBLES).index(name)
         TROUBLES[name](np.random.default_rng([seed, 778, place]), plan)
-    depth = plan.tool - plan.surface
-    velocity = np.gradient(depth, time)
+    # Between two readings of a slow sensor the tool goes on smoothly, and the tissue with it.
+    way = CubicSpline(time, plan.tool - plan.surface)
+    velocity = way(time, 1)
     fastest = max(float(np.max(np.abs(velocity))), SLOWEST_FASTEST_MM_S)
     factor = np.exp(plan.log_factor)
     damping = stiffness * damping_share / fastest**velocity_exponent
-    drag = damping * np.sign(velocity) * np.abs(velocity) ** velocity_exponent
-    # Tissue cannot pull.
-    law = np.maximum(depth, 0.0) ** exponent * factor * np.maximum(stiffness + drag, 0.0)
-    largest = float(np.max(law))
-    tool = plan.tool
+
+    def law_at(when: FloatArray) -> FloatArray:
+        velocity = way(when, 1)
+        drag = damping * np.sign(velocity) * np.abs(velocity) ** velocity_exponent
+        elastic = np.maximum(way(when), 0.0) ** exponent * np.interp(when, time, factor)
+        # Tissue cannot pull.
+        pushes: FloatArray = elastic * np.maximum(stiffness + drag, 0.0)
+        return pushes
+
+    largest = float(np.max(law_at(time)))
+    tool, acting = plan.tool, law_at(np.clip(time - plan.delay_s, time[0], time[-1]))
     if between is not None:
-        tool, law = between(np.random.default_rng([seed, 780]), time, tool, law)
-    acting = np.interp(time - plan.delay_s, time, law) + plan.zero_share * largest
+        tool, acting = between(np.random.default_rng([seed, 780]), time, tool, acting)
+    acting = acting + plan.zero_share * largest
     force = _read(acting, noise[0] * largest, white[0], plan.colour, plan.quanta[0])
     place_read = _read(tool, noise[1], white[1], plan.colour, plan.quanta[1])
     parameters = np.column_stack(

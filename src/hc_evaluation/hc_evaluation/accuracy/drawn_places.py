@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from hc_evaluation.accuracy.drawn_contact import (
     DAMPING_SHARE,
@@ -105,7 +106,7 @@ def drawn_places(kind: str, seed: int) -> DrawnPlaces:
                 now += takes + float(draw.uniform(0.05, 0.5))
         now += float(draw.uniform(0.3, 1.0))
     depth = tool - surface
-    velocity = np.gradient(tool, time)
+    velocity = CubicSpline(time, tool)(time, 1)  # between two readings it goes on smoothly
     fastest = max(float(np.max(np.abs(velocity))), SLOWEST_FASTEST_MM_S)
     stiffness = log_uniform(draw, *STIFFNESS) * np.exp(log_factor)
     velocity_exponent = float(draw.uniform(*VELOCITY_EXPONENT))
