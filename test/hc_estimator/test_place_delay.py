@@ -24,18 +24,18 @@ PLACES = (
 )
 
 
-def press_each_once(delay, seed, lower=0.0):
+def press_each_once(delay, seed, lower=0.0, rate=RATE, places=PLACES, noise=0.02):
     """One press of each place, the force late by `delay` [s]: stamps, readings, place and depth.
 
-    Every place lies `lower` [mm] than `PLACES` says.
+    Every place lies `lower` [mm] than `places` says.
     """
     draw = np.random.default_rng(seed)
     one = 1.8
-    time = np.arange(0.0, one * len(PLACES), 1.0 / RATE)
+    time = np.arange(0.0, one * len(places), 1.0 / rate)
 
     def at(time):
-        number = np.clip((time / one).astype(int), 0, len(PLACES) - 1)
-        stiffness, damping, n, p, height = np.array(PLACES)[number].T
+        number = np.clip((time / one).astype(int), 0, len(places) - 1)
+        stiffness, damping, n, p, height = np.array(places)[number].T
         height = height + lower
         phase = time % one / one
         share = np.clip(np.where(phase < 0.5, (phase - 0.1) / 0.4, (0.9 - phase) / 0.4), 0.0, 1.0)
@@ -50,7 +50,7 @@ def press_each_once(delay, seed, lower=0.0):
     displacement, depth, _force, number = at(time)
     force = at(np.maximum(time - delay, 0.0))[2]
     displacement = displacement + 0.002 * draw.standard_normal(time.size)
-    return time, displacement, force + 0.02 * draw.standard_normal(time.size), number, depth
+    return time, displacement, force + noise * draw.standard_normal(time.size), number, depth
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -95,6 +95,47 @@ def test_a_first_place_that_lies_elsewhere_spoils_no_other(seed):
         off = abs(series.contact_position[end] - PLACES[place][4] - 0.6)
         assert off < 4.0 * series.contact_position_std[end] + 0.01
     assert np.mean(series.model_mismatch[number >= 2]) < 0.1
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_places_are_found_before_a_slow_sensor_shows_that_it_is_in_step(seed):
+    """Regression of 2026-11-28: at 66 Hz nothing was called another place, for up to 40 s."""
+    time, displacement, force, number, depth = press_each_once(0.0, seed, rate=66.0)
+    series = hc.create_estimator(FILTER).run(time, displacement, force)
+    for place in range(1, len(PLACES)):
+        end = np.flatnonzero((number == place) & (depth > 0.0))[-1]
+        truth, deviation = np.array(PLACES[place][:4]), series.parameters_std[end]
+        assert np.all(np.abs(series.parameters[end] - truth) < 4.0 * deviation + 0.01 * truth)
+        deepest = 4.0
+        seen = deepest + PLACES[place][4] - series.contact_position[end]
+        elastic = series.parameters[end, 0] * seen ** series.parameters[end, 2]
+        assert elastic == pytest.approx(truth[0] * deepest ** truth[2], rel=0.05)
+    assert np.mean(series.model_mismatch[depth > 0.0]) < 0.1
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("rate", [66.0, 500.0])
+@pytest.mark.parametrize("delay", [0.010, -0.025])
+def test_what_is_late_is_no_other_place(delay, rate, seed):
+    alike = (PLACES[0],) * len(PLACES)
+    time, displacement, force, _number, _depth = press_each_once(
+        delay, seed, rate=rate, places=alike
+    )
+    series = hc.create_estimator(FILTER).run(time, displacement, force)
+    assert not np.any(series.change_detected)
+    assert abs(series.channel_delay[-1] - delay) < 0.002
+    truth = np.array(PLACES[0][:4])
+    off = np.abs(series.parameters[-1] - truth)
+    assert np.all(off < 4.0 * series.parameters_std[-1] + 0.01 * truth)
+
+
+@pytest.mark.parametrize("delay", [0.030, -0.045])
+def test_a_delay_that_no_taylor_series_reaches_is_found(delay):
+    """Regression of 2026-11-28: of 16 tissues palpated so, 30 ms out of step, five found none."""
+    time, displacement, force, _number, _depth = press_each_once(delay, 0, noise=0.005)
+    series = hc.create_estimator(FILTER).run(time, displacement, force)
+    off = abs(series.channel_delay[-1] - delay)
+    assert off < min(4.0 * series.channel_delay_std[-1] + 0.0002, 0.003)
 
 
 def test_a_delay_that_the_user_gave_stays():

@@ -78,3 +78,21 @@ def test_the_evidence_counts_the_weights_of_the_fit_itself(contact):
     expected += np.linalg.slogdet(place.information[:5, :5])[1]
     expected -= np.linalg.slogdet(place.prior[:5, :5])[1]
     assert evidence == pytest.approx(-0.5 * expected, rel=1e-9)
+
+
+def test_a_force_that_is_late_by_whole_points_belongs_to_the_motion_before(contact):
+    settings, place, history = contact
+    spacing, late = 0.01, 3
+    history.points[:COUNT, 7] = 1.0  # the motion is known
+    history.points[:COUNT, 8] = spacing * np.arange(COUNT)
+    in_step = history.points[:COUNT].copy()
+    place.spacing = spacing
+    place.last = COUNT - late
+    squares = fitted(settings, place, history)
+    values = place.values.copy()
+    history.points[late:COUNT, 2] = in_step[: COUNT - late, 2]
+    place.last = COUNT
+    place.shift = late
+    assert fitted(settings, place, history) == pytest.approx(squares, rel=1e-9)
+    np.testing.assert_allclose(place.values, values, rtol=1e-9)
+    assert np.all(history.points[:late, 3] == 0.0)  # nobody knows where the tool was then

@@ -44,7 +44,6 @@ RECORDS = {  # what a variable of that name is, in every kernel
     "onset": "onset",
     "window": "window",
     "air": "air",
-    "search": "search",
     "place": "place",
     "memory": "memory",
 }
@@ -113,13 +112,13 @@ OWNERS = {
     ),
     "window": ("multiple_model/air_window",),
     "air": ("multiple_model/air_zero",),
-    "search": ("multiple_model/surface_search",),
     "place": (
         "multiple_model/another_place",
         "multiple_model/place_fit",
         "multiple_model/place_average",
         "multiple_model/place_prior",
         "multiple_model/place_delay",
+        "multiple_model/place_change",
     ),
     # The flat memory of the plain filters: who predicts, corrects, and begins anew.
     "memory": ("prediction", "correction", "recovery"),
@@ -193,7 +192,6 @@ GUESTS = {
     },
     "multiple_model/plausible": {"row": "predicted_force state"},
     "multiple_model/reserve": {"row": "active state"},
-    "multiple_model/surface_search": {"row": "covariance model_error position_deviation state"},
     "multiple_model/fit_covariance": {"history": "covariance damped"},
     "adaptation/change_detection": {
         "memory": "change_filled change_position change_quiet change_sum change_values"

@@ -27,7 +27,6 @@ from hc_estimator.multiple_model import (
     place_delay,
     plausible,
     sample,
-    surface_search,
     zero_fit,
 )
 from hc_estimator.multiple_model import delay as delays
@@ -282,12 +281,10 @@ def _take_point(settings: Any, bank: Any) -> None:
         delay_points.forget(finder)
     full = grids.advance(finder)
     new = finder.grid_count > before and bank.calibrated != 0
-    if new:
-        surface_search.look(settings, bank)
     if new and is_tried(settings, FITTED):
         if another_place.look(settings, bank):
             beginning.begin_at_place(settings, bank)
-        elif place_delay.is_found(finder, bank.place):
+        if place_delay.is_found(finder, bank.place):
             _begin_with_delay(settings, bank)
             another_place.begin_in_step(bank.place)
         if batch_fit.update(settings, bank) and zero_fit.look(settings, bank):

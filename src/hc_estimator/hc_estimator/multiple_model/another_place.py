@@ -5,8 +5,12 @@ what the points of a contact say by themselves is held against what was known in
 least squares with the contact position as a fifth unknown, once with the prior that the place is
 the same, once with one that lets everything go; their evidence decides (`place_fit`). If it is
 another place, every row begins anew with that fit, what was felt before the contact no longer
-counts, and the fit is made anew as the contact goes on, for as long as it explains the force. That
-is called a change unless its tissue, at a height of its own, explains the contact before as well.
+counts, and the fit is made anew as the contact goes on, for as long as it explains the force.
+Whether that is called a change says `place_change`.
+
+As long as nobody knows whether the force is late, its delay is an unknown of both, with what the
+contacts before said of it as prior, and what was known of the place is that of the contact before
+beside that delay: what is late looks like another height, but by the same delay in both contacts.
 
 Not where a surface that moves is in charge, which knows of another height, too. Where the law did
 not fit before, only of whole contacts, for the first points of one are fitted by any law. (Ours;
@@ -21,16 +25,20 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_matrix, copy_matrix, copy_vector
 from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model import place_average, place_delay, place_fit, place_prior
-from hc_estimator.multiple_model.change import is_different
+from hc_estimator.multiple_model import (
+    place_average,
+    place_change,
+    place_delay,
+    place_fit,
+    place_prior,
+)
 from hc_estimator.multiple_model.delay_records import GRID
 from hc_estimator.multiple_model.history import TOUCHING
 from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, OWN, SURFACE
 from hc_estimator.multiple_model.kalman import force_at, probability
 from hc_estimator.multiple_model.model_error import THRESHOLD
 from hc_estimator.multiple_model.place_fit import POSITION
-from hc_estimator.multiple_model.place_prior import CONSISTENT, FEWEST, HEIGHT_DEVIATION
-from hc_estimator.multiple_model.records import POINTS
+from hc_estimator.multiple_model.place_prior import CONSISTENT, FEWEST, HEIGHT_DEVIATION, OUT_TIME
 from hc_estimator.multiple_model.rows import is_held
 from hc_estimator.specification import ParameterSpecification
 
@@ -43,12 +51,10 @@ SPECIFICATIONS = (
     ),
 )
 
-OUT_TIME = 0.05  # without a force, though there is one by the law, before a contact is new [s]
 MORE = 1.25  # times as many points at which it is asked again
 DOUBTED = 0.3  # share of an alarm from which on it is asked
 LIKELIER = 20.0  # logarithm of the evidence by which it is another place
 LIKELIER_AGAIN = 5.0  # the same once there was one
-CALLED_AFTER = 2  # contacts in a row that the law has to have fitted before a change is called
 UNKNOWN_DEVIATIONS = (3.0, 3.0, 1.0, 0.3)  # of ln K, ln B, n and p where nothing is known of them
 
 
@@ -77,6 +83,7 @@ def forget(place: Any) -> None:
     """What was known before the present contact no longer holds: the zeros or the delay moved."""
     end(place)
     place.known = 0
+    place.joint = 0
     clear_matrix(place.open)
 
 
@@ -144,6 +151,7 @@ def look(settings: Any, bank: Any) -> bool:
     _doubt(bank)
     if finder.delay != 0.0 or (finder.doubt == 0.0 and place_delay.is_known(finder)):
         place.in_step = 1
+        place.joint = 0
     count = history.count - history.contact
     if place.doubted == 0 or place.unknown != 0 or count < place.due:
         return False
@@ -218,6 +226,7 @@ def _note_before(settings: Any, bank: Any) -> None:
     place.unknown = 1 if place.ended > 0 and 2 * place.fitting <= place.ended else 0
     place.known = 1 if not SURFACE[row.index] and bank.change.testing == 0 else 0
     place.row = row.index
+    place.joint = 0
     clear_matrix(place.before_covariance)
     for i in range(4):
         place.before[i] = row.state[LOG_STIFFNESS + i]
@@ -254,6 +263,47 @@ def _is_another(settings: Any, bank: Any) -> bool:
         same = place_fit.fit(settings, place, history, noise, 1.0, 1)
         # A place that explains the contact to within the noise is no other one.
         needed = not same < CONSISTENT * place.expected
+    weight, other = _fit_other(settings, bank, noise)
+    if other == -math.inf:
+        return False
+    if place.is_other != 0:
+        return True
+    place_prior.set_same(place)
+    copy_vector(place.guess, place.values)
+    lead = other - _evidence(settings, place, history, noise, weight, 2)
+    if needed and lead > (LIKELIER if place.found == 0 else LIKELIER_AGAIN):
+        late = place_delay.may_be_late(settings, place) and place.joint == 0
+        if late and not place_delay.is_in_step(settings, bank, noise, weight):
+            place_average.leave_open(place, probability(lead))
+            return False
+        clear_matrix(place.open)
+        place.is_other = 1
+        place.found += 1
+        if place.joint == 0:
+            return True
+        # Whatever the delay is, this is another place; the rows go on with the one in use.
+        place.joint = 0
+        place_delay.leave_open(place, bank.delay)
+        return _fit_other(settings, bank, noise)[1] > -math.inf
+    if place.found > 0:
+        odds = math.log((1.0 + place.found) / (1.0 + place.contacts - place.found))
+        place_average.leave_open(place, probability(lead + odds))
+    return False
+
+
+@compiled
+def _fit_other(settings: Any, bank: Any, noise: tuple[float, float, float]) -> tuple[float, float]:
+    """Fit another place, at the height of the one before and at any.
+
+    Args:
+        settings: settings record.
+        bank: its record `place` has the likelier fit, and what the height leaves open.
+        noise: of the points.
+
+    Returns:
+        Weight of the points' squares; logarithm of the evidence, minus infinity for no fit.
+    """
+    place, history = bank.place, bank.history
     place_prior.set_other(place, HEIGHT_DEVIATION**2)
     if place.is_other == 0:
         place_fit.begin(settings, place, history)
@@ -261,14 +311,14 @@ def _is_another(settings: Any, bank: Any) -> bool:
         copy_vector(place.outcome, place.values)
     other = place_fit.fit(settings, place, history, noise, 1.0, 2)
     if not (math.isfinite(other) and place.expected > 0.0):
-        return False
+        return 0.0, -math.inf
     left = other / place.expected
     if not left < CONSISTENT:
-        return False
-    weight = place_prior.weight_of(bank, left)
+        return 0.0, -math.inf
+    weight = place_prior.weight_of(left)
     elsewhere = _evidence(settings, place, history, noise, weight, 1)
     if elsewhere == -math.inf:
-        return False
+        return weight, elsewhere
     place_fit.note_covariance(settings, place)
     copy_vector(place.values, place.outcome_elsewhere)
     copy_matrix(place.covariance, place.covariance_elsewhere)
@@ -280,25 +330,7 @@ def _is_another(settings: Any, bank: Any) -> bool:
     copy_vector(place.values, place.outcome)
     odds = math.log((1.0 + place.level) / (1.0 + place.found - place.level))
     place_average.join(place, probability(elsewhere - level - odds))
-    if place.is_other != 0:
-        return True
-    place_prior.set_same(place)
-    copy_vector(place.guess, place.values)
-    lead = max(level, elsewhere) - _evidence(settings, place, history, noise, weight, 2)
-    if needed and lead > (LIKELIER if place.found == 0 else LIKELIER_AGAIN):
-        if place_delay.may_be_late(settings, place) and not place_delay.is_in_step(
-            settings, bank, noise, weight
-        ):
-            place_average.leave_open(place, probability(lead))
-            return False
-        clear_matrix(place.open)
-        place.is_other = 1
-        place.found += 1
-        return True
-    if place.found > 0:
-        odds = math.log((1.0 + place.found) / (1.0 + place.contacts - place.found))
-        place_average.leave_open(place, probability(lead + odds))
-    return False
+    return weight, max(level, elsewhere)
 
 
 @compiled
@@ -334,62 +366,12 @@ def is_to_be_called(settings: Any, bank: Any) -> bool:
     place = bank.place
     place.before[POSITION] -= place.outcome[POSITION]
     place.outcome[POSITION] = 0.0
-    # Where the law did not fit the contacts before, nobody knows what the other tissue was.
-    fits = place.fitting_in_a_row >= CALLED_AFTER
-    is_called = place.called == 0 and fits and _is_other_tissue(place)
-    is_called = is_called and not _explains_before(settings, bank)
+    is_called = place.called == 0 and place_change.is_one(settings, bank)
     if is_called:
         place.called = 1
     if place.unknown != 0:
         forget_fits(place)
     if place.testing == 0:  # the contact is over
         _note_before(settings, bank)
-    return bool(is_called)
-
-
-@compiled
-def _is_other_tissue(place: Any) -> bool:
-    """True if K or n of the last fit is clearly another than before the contact."""
-    for i in (0, 2):
-        off = place.outcome[i] - place.before[i]
-        variance = place.covariance[i, i] + place.before_covariance[i, i]
-        if is_different(off, variance):
-            return True
-    return False
-
-
-@compiled
-def _explains_before(settings: Any, bank: Any) -> bool:
-    """True if the tissue of the place explains the contact before it as well, at another height.
-
-    At a height that was wrong there K and n were those of no tissue, however well the law fitted.
-    """
-    place, history = bank.place, bank.history
-    begin, first, last = _contact_before(bank), place.first, place.last
-    if history.contact - begin < FEWEST:
-        return False
-    place.first, place.last = begin, history.contact
-    place_delay.leave_open(place, bank.delay)
-    place_prior.set_found(place)
-    copy_vector(place.guess, place.values)
-    cost = place_fit.fit(settings, place, history, histories.noise_of_points(bank), 1.0, 2)
-    cost += place_fit.prior_cost(place, place.values)
-    explains = cost < CONSISTENT * place.expected
-    place.first, place.last = first, last
-    place.late = 0
-    return bool(explains)
-
-
-@compiled
-def _contact_before(bank: Any) -> int:
-    """Number of the first point of the contact before the present one."""
-    history = bank.history
-    oldest = max(history.count - POINTS, history.contact - int(place_prior.most_points(bank)), 0)
-    longest = OUT_TIME + history.every * bank.delay.grid_step
-    first = history.contact
-    while first > oldest:
-        here, before = history.points[first % POINTS, 8], history.points[(first - 1) % POINTS, 8]
-        if first < history.contact and here - before > longest:
-            break
-        first -= 1
-    return int(first)
+        place_delay.learn(settings, bank)
+    return is_called  # type: ignore[no-any-return]

@@ -16,8 +16,8 @@ from hc_estimator.multiple_model import (
     delay_points,
     levels,
     moving_fit,
+    place_delay,
     plausible,
-    surface_search,
     tempering,
     zero_fit,
     zero_moves,
@@ -97,7 +97,6 @@ def _choose_anew(bank: Any) -> None:
     judging.reset(bank.judge)
     changes.reset(bank.change, bank.rows)
     maneuvers.reset(bank.maneuver)
-    surface_search.reset(bank.search)
     moving_fit.reset(bank.moving)
 
 
@@ -208,7 +207,8 @@ def begin_at_place(settings: Any, bank: Any) -> None:
     zero_fit.begin_at_place(bank.zeros, place.doubt, place.height_deviation)
     if histories.begin_at_place(history):
         another_place.count_level(place)
-        delay_points.forget(bank.delay)
+        if not place_delay.may_be_late(settings, place):
+            delay_points.forget(bank.delay)
     for i in range(4):
         history.fit[i] = values[i]
     history.unfitted = history.count

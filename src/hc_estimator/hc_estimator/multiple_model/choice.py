@@ -113,9 +113,17 @@ def _is_consistent(row: Any, clock: float, steadiest: float) -> bool:
 
 
 @compiled
-def _is_eligible(row: Any, clock: float, steadiest: float, likeliest: float) -> bool:
+def _is_asleep(judge: Any, row: Any) -> bool:
+    """True for a row that does not fit, and expects no force where there surely is one."""
+    return bool(row.model_error > 0.0 and judge.pressed != 0 and row.predicted_force <= 0.0)
+
+
+@compiled
+def _is_eligible(judge: Any, row: Any, clock: float, steadiest: float, likeliest: float) -> bool:
     """True if nothing speaks against the row but, perhaps, its predictions."""
     if not _is_consistent(row, clock, steadiest):
+        return False
+    if _is_asleep(judge, row):
         return False
     if row.model_error > 0.0 or _still_learns(row):
         return True
@@ -197,16 +205,16 @@ def choose(settings: Any, judge: Any, rows: Any, tool: Any, clock: float) -> Non
     # explains one way there and one back, whatever is wrong.
     early = clock < STEADY_TIME
     learning = _still_learns(rows[0]) or _still_learns(rows[FITTED])
-    learning = learning and _is_eligible(rows[FITTED], clock, steadiest, likeliest)
+    learning = learning and _is_eligible(judge, rows[FITTED], clock, steadiest, likeliest)
     asked = FITTED + 1 if learning else FRESH
     for m in range(asked):
         if stands_by(judge, m):
             continue
-        if _is_eligible(rows[m], clock, steadiest, likeliest):
-            best = min(best, _cost(rows[m]))
-        elif not early or not counts(rows[m], clock):
-            continue
-        best_still = best_still if SURFACE[m] else min(best_still, _cost(rows[m]))
+        eligible, cost = _is_eligible(judge, rows[m], clock, steadiest, likeliest), _cost(rows[m])
+        if eligible:
+            best = min(best, cost)
+        if not SURFACE[m] and (eligible or (early and counts(rows[m], clock))):
+            best_still = min(best_still, cost)
     for m in range(FRESH):
         rows[m].score = min(rows[m].score, FORGIVEN * best)
     for m in range(asked):
@@ -217,7 +225,7 @@ def choose(settings: Any, judge: Any, rows: Any, tool: Any, clock: float) -> Non
         margin = MISFIT_MARGIN if m <= FITTED or goes_on else FREE_MARGIN
         fits = row.model_error == 0.0 and _cost(row) <= margin * best
         fits = fits and not _is_doubtful(judge, row, best_still)
-        if fits and _is_eligible(row, clock, steadiest, likeliest):
+        if fits and _is_eligible(judge, row, clock, steadiest, likeliest):
             best_fitting = min(best_fitting, _cost(row))
     must_fit = best_fitting < math.inf
     limit = MARGIN * (best_fitting if must_fit else best)
@@ -230,7 +238,7 @@ def choose(settings: Any, judge: Any, rows: Any, tool: Any, clock: float) -> Non
         likelier = must_fit and row.log_likelihood >= likeliest + REFUTED
         if stands_by(judge, m) and not (likelier and _is_steady(row, clock)):
             continue
-        if _cost(row) <= limit and _is_eligible(row, clock, steadiest, likeliest):
+        if _cost(row) <= limit and _is_eligible(judge, row, clock, steadiest, likeliest):
             judge.chosen = m
             break
     _prefer_found(judge, rows, clock, best)
@@ -295,7 +303,8 @@ def _prefer_far_better(judge: Any, rows: Any, clock: float) -> None:
     for m in range(FRESH):
         if _is_scored(rows[m], clock):
             best = min(best, _cost(rows[m]))
-    if FAR_BETTER * best >= _cost(rows[judge.chosen]):
+    better = 1.0 if _is_asleep(judge, rows[judge.chosen]) else FAR_BETTER
+    if better * best >= _cost(rows[judge.chosen]):
         return
     for m in range(FRESH):
         if _is_scored(rows[m], clock) and _cost(rows[m]) <= MARGIN * best:

@@ -55,6 +55,8 @@ LARGEST_GAIN = 0.1  # of one snapshot in the scores, however much more it is kno
 SMALLEST_VARIANCE = 1e-30  # of a force [N^2]
 FIRST_WEIGHT = 0.3  # of the scores, before they count
 LIKELIHOOD_TIME = 1.0  # time constant of the log likelihoods [s]
+SURE = 5.0  # deviations of the force sensor beyond which there is a force
+PRESSED = 0.1  # of the largest force: more than a zero that moved [-]
 WORSE = 4.0  # mean square over the chosen row's from which on a misfitting row is seeded anew
 SEEDED_AFTER = 0.5  # time that a row may stay so [s]
 
@@ -67,6 +69,7 @@ def reset(judge: Any) -> None:
     judge.waited = 0.0
     judge.weight = 0.0
     judge.known = 0.0
+    judge.pressed = 0
     judge.varying = 0
     clear_matrix(judge.spread)
     judge.found = 0
@@ -214,6 +217,9 @@ def learn(settings: Any, bank: Any) -> None:
     judge.said_variance[slot] = _surest(judge, rows)
     _write(judge, rows, slot)
     judge.count += 1
+    force, noise = bank.clock.measurement[1], bank.sensor_noise[1]
+    sure = max(SURE * math.sqrt(noise), PRESSED * tool.largest_force)
+    judge.pressed = 1 if force > sure else 0
     if judge.weight > FIRST_WEIGHT:
         choose(settings, judge, rows, tool, clock)
         likelier = rows[judge.chosen].log_likelihood - rows[0].log_likelihood

@@ -1,4 +1,4 @@
-"""What goes on once the tissue has not been felt for long?
+"""What goes on once the tool has left the tissue?
 
 A row that drifts follows a tissue that relaxes until it lets go, and stands at what the very end of
 that contact said: parameters under which the next press would begin all wrong. So it is asked what
@@ -29,7 +29,7 @@ SPECIFICATIONS = (
         "review_contact",
         "bool",
         True,
-        "Once the tissue is not felt, hold what drifted against the whole contact that is over.",
+        "Once the tool has left, hold what drifted against the whole contact that is over.",
     ),
 )
 
@@ -44,7 +44,7 @@ FAR_OFF = 0.3
 
 @compiled
 def look(settings: Any, bank: Any, elapsed: float) -> None:
-    """Ask once, when nothing has been felt for long enough after another time [s]."""
+    """Ask once, when the tool has been away for `AWAY_TIME` after another time [s]."""
     away = bank.tool.away_time
     if away < AWAY_TIME and away + elapsed >= AWAY_TIME:
         review(settings, bank)

@@ -3,8 +3,10 @@
 `delay` fits one law to all half seconds and is at a loss where the tissue is another one each time.
 So each contact that is over says by itself what it knows of the delay, beside a K, B, n, p and
 height of its own, and what contacts before said is the prior for the next. That tells that the
-channels are in step, or by how much they are not where `delay` does not know; until then what is
-late looks like another place (`another_place`). (Ours; `hc bench accuracy places`.)
+channels are in step, or by how much they are not where `delay` does not know. Until then what is
+late looks like another place: the delay is an unknown of the fits that tell places apart, and what
+is known of the place before is what its last contact said beside that delay (`another_place`).
+(Ours; `hc bench accuracy places`.)
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import clear_vector, copy_vector
+from hc_estimator.linear_algebra import clear_vector, copy_matrix, copy_vector
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import place_fit, place_prior
 from hc_estimator.multiple_model.delay import BEGINS, LARGEST
@@ -23,12 +25,14 @@ from hc_estimator.multiple_model.levenberg_marquardt import solve
 from hc_estimator.multiple_model.place_fit import DELAY, UNKNOWNS
 from hc_estimator.multiple_model.place_prior import CONSISTENT, FEWEST, HEIGHT_DEVIATION
 from hc_estimator.multiple_model.records import POINTS
+from hc_estimator.multiple_model.spline_records import LARGEST_SHIFT
 
 FIRST_DEVIATION = 0.02  # of a delay of which nothing is known [s]
 SMALL = 0.0015  # deviation of a delay from which on it is known [s]
 KNOWN = 0.0025  # the same for the fit to the points of all contacts [s]
 IN_STEP, LEAST = 2.0, 0.0005  # deviations, and delay [s], up to which it is none
 FEWEST_CONTACTS = 3  # that say the same, for a delay to be used
+SHIFTS = 4  # by whole points, until the rest is less than half of one
 ALIKE = 4.0  # mean square of how contacts differ, over what it should be, up to which they agree
 
 
@@ -58,13 +62,16 @@ def is_known(finder: Any) -> bool:
 
 @compiled
 def leave_open(place: Any, finder: Any) -> None:
-    """Let what is not known of a delay in use be an unknown of the fits to come.
+    """Let what is not known of the delay, in use or not, be an unknown of the fits to come.
 
     In a quick press a millisecond looks like another stiffness.
     """
     known = finder.delay == 0.0 or not finder.deviation > 0.0
     place.delay_doubt = 0.0 if known else finder.deviation**2
     place.late = 0 if known else 1
+    if place.joint != 0:
+        place.delay_doubt = 1.0 / place.delay_precision
+        place.late = 1
 
 
 @compiled
@@ -80,9 +87,16 @@ def _goes_both_ways(place: Any, history: Any) -> bool:
 
 @compiled
 def _fit(
-    settings: Any, bank: Any, noise: tuple[float, float, float], weight: float, passes: int
+    settings: Any,
+    bank: Any,
+    noise: tuple[float, float, float],
+    weight: float,
+    passes: int,
+    begin: float,
 ) -> tuple[float, float, float]:
     """Fit a delay beside the rest, from place.outcome on.
+
+    The motion is that of place.shift points before, and a Taylor series for what is left.
 
     Args:
         settings: settings record.
@@ -90,20 +104,22 @@ def _fit(
         noise: of the points.
         weight: of their squares.
         passes: with other weights.
+        begin: first guess of the delay [s].
 
     Returns:
         Delay [s], its variance, and squares left in those of the noise; these infinite for none.
     """
     place = bank.place
+    shifted = place.shift * place.spacing
     place_prior.set_other(place, HEIGHT_DEVIATION**2)
-    place.guess[DELAY] = place.delay
+    place.guess[DELAY] = place.delay - shifted
     place.prior[DELAY, DELAY] = place.delay_precision
     copy_vector(place.outcome, place.values)
-    place.values[DELAY] = place.delay
+    place.values[DELAY] = begin - shifted
     place.late = 1
     squares = place_fit.fit(settings, place, bank.history, noise, weight, passes)
     place.late = 0
-    delay = place.values[DELAY]
+    delay = place.values[DELAY] + shifted
     place.values[DELAY] = 0.0
     if not (math.isfinite(squares) and place.expected > 0.0):
         return 0.0, math.inf, math.inf
@@ -120,7 +136,7 @@ def is_in_step(settings: Any, bank: Any, noise: tuple[float, float, float], weig
 
     What is late looks like another place, as long as nobody knows that it is late.
     """
-    delay, variance, _ = _fit(settings, bank, noise, weight, 1)
+    delay, variance, _ = _fit(settings, bank, noise, weight, 1, bank.place.delay)
     return _is_shown(bank.place, bank.history, delay, variance)
 
 
@@ -149,11 +165,40 @@ def learn(settings: Any, bank: Any) -> None:
     place_prior.set_other(place, HEIGHT_DEVIATION**2)
     place_fit.begin(settings, place, history)
     copy_vector(place.values, place.outcome)
-    _, _, left = _fit(settings, bank, noise, 1.0, 2)
-    if not left < CONSISTENT:
-        return
-    weight = place_prior.weight_of(bank, left)
-    delay, variance, left = _fit(settings, bank, noise, weight, 1)
+    delay, _, left = _fit(settings, bank, noise, 1.0, 2, place.delay)
+    place.spacing = history.every * bank.delay.grid_step
+    # Whole points that the motion is shifted by are lost on either side of the contact: only where
+    # a Taylor series does not do.
+    for _ in range(0 if left < CONSISTENT else SHIFTS):
+        shift = min(max(round(delay / place.spacing), -LARGEST_SHIFT), LARGEST_SHIFT)
+        if not math.isfinite(left) or shift == place.shift:
+            break
+        if place.last - place.first - abs(shift) < FEWEST:
+            break
+        place.shift = shift
+        copy_vector(place.values, place.outcome)
+        delay, _, left = _fit(settings, bank, noise, 1.0, 2, delay)
+    if left < CONSISTENT:
+        _note(settings, bank, noise, delay, place_prior.weight_of(left))
+    place.shift = 0
+
+
+@compiled
+def _note(
+    settings: Any, bank: Any, noise: tuple[float, float, float], begin: float, weight: float
+) -> None:
+    """Take what the last fit says of the delay, and of the place beside it.
+
+    Args:
+        settings: settings record.
+        bank: its record `place` is changed.
+        noise: of the points.
+        begin: first guess of the delay [s].
+        weight: of the points' squares.
+    """
+    place = bank.place
+    copy_vector(place.values, place.outcome)
+    delay, variance, left = _fit(settings, bank, noise, weight, 1, begin)
     before = place.delay_precision
     if not (math.isfinite(left) and 0.0 < variance < 1.0 / before):
         return
@@ -163,8 +208,14 @@ def learn(settings: Any, bank: Any) -> None:
     place.delay, place.delay_precision = delay, 1.0 / variance
     place.delay_learnt = 1
     copy_vector(place.values, place.outcome)
+    place.late = 1
     place_fit.note_covariance(settings, place)
-    _is_shown(place, history, delay, variance)
+    place.late = 0
+    if not _is_shown(place, bank.history, delay, variance):
+        place.joint = 1
+        copy_vector(place.values, place.before)
+        place.before[DELAY] = delay
+        copy_matrix(place.covariance, place.before_covariance)
 
 
 @compiled

@@ -31,6 +31,7 @@ from hc_estimator.multiple_model.levenberg_marquardt import (
 from hc_estimator.multiple_model.normal_equations import law_at, velocity_at
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import is_held
+from hc_estimator.multiple_model.spline_motion import place_of
 
 POSITION, DELAY = 4, 5  # of the unknowns ln K, ln B, n, p, contact position and delay
 UNKNOWNS = 6
@@ -46,6 +47,12 @@ def is_fixed(settings: Any, place: Any, i: int) -> bool:
     if i == POSITION:
         return bool(settings.find_zeros == 0)
     return bool(is_held(settings, i))
+
+
+@compiled
+def _moved_at(place: Any, history: Any, k: int) -> int:
+    """Number of the point whose motion belongs to a point's force; -1 if there is none."""
+    return k if place.shift == 0 else place_of(history, place, k)
 
 
 @compiled
@@ -80,8 +87,11 @@ def weigh(
     gradient = place.gradient
     place.expected = 0.0
     for k in range(place.first, place.last):
-        point = history.points[k % POINTS]
-        _law(settings, place, place.values, history, point)
+        point, moved = history.points[k % POINTS], _moved_at(place, history, k)
+        if moved < 0:
+            point[3] = 0.0
+            continue
+        _law(settings, place, place.values, history, history.points[moved % POINTS])
         variance = noise[1] + gradient[0] * gradient[0] * noise[0]
         drag = gradient[1] * gradient[1]
         weight = 1.0 / (variance + drag * history.velocity_noise[0])
@@ -98,8 +108,11 @@ def _gather(settings: Any, place: Any, history: Any, values: Any) -> float:
     clear_matrix(seen)
     total = 0.0
     for k in range(place.first, place.last):
-        point = history.points[k % POINTS]
-        residual = point[2] - _law(settings, place, values, history, point)
+        point, moved = history.points[k % POINTS], _moved_at(place, history, k)
+        if moved < 0:
+            continue
+        motion = history.points[moved % POINTS]
+        residual = point[2] - _law(settings, place, values, history, motion)
         total += point[3] * residual * residual
         for i in range(UNKNOWNS):
             share = point[3] * slopes[i]

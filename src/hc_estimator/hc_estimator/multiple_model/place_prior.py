@@ -13,6 +13,7 @@ from hc_estimator.linear_algebra import clear_matrix, copy_vector
 from hc_estimator.multiple_model import place_fit
 from hc_estimator.multiple_model.place_fit import DELAY, POSITION
 
+OUT_TIME = 0.05  # without a force, though there is one by the law, before a contact is new [s]
 FEWEST = 6  # points of a contact
 LONGEST = 2.0  # time of a contact that is used [s]
 # Of ln K, ln B / K, n and p about those of the place before, and of the height [mm].
@@ -22,7 +23,6 @@ UNEVEN = 0.03  # of a surface that is level [mm]
 VARIES = 0.01  # deviation of ln K and ln B by which the same place is another later on
 LEAST_VARIANCE = 1e-8
 CONSISTENT = 1.5  # squares left, in those of the noise, up to which a law fits
-NARROW = 0.03  # width of a parabola that misses nothing [s]
 
 
 @compiled
@@ -35,7 +35,7 @@ def set_same(place: Any) -> None:
         place: its prior is set.
     """
     copy_vector(place.before, place.guess)
-    _set_known(place, place.before_covariance, UNEVEN**2)
+    _set_known(place, place.before_covariance, UNEVEN**2, place.joint != 0)
 
 
 @compiled
@@ -43,11 +43,11 @@ def set_found(place: Any) -> None:
     """It is the tissue of the last fit, at a height of its own."""
     copy_vector(place.outcome, place.guess)
     place.guess[POSITION] = place.before[POSITION]
-    _set_known(place, place.covariance, HEIGHT_DEVIATION**2)
+    _set_known(place, place.covariance, HEIGHT_DEVIATION**2, False)
 
 
 @compiled
-def _set_known(place: Any, known: Any, height_variance: float) -> None:
+def _set_known(place: Any, known: Any, height_variance: float, jointly: bool) -> None:
     """Tissue and deviations are known, but for a little that it may have changed meanwhile.
 
     B and p are as free as another one's: what parabolas miss of a quick motion looks like damping.
@@ -62,9 +62,17 @@ def _set_known(place: Any, known: Any, height_variance: float) -> None:
             place.seen[i, j] += VARIES**2
     for i in (1, 3):
         place.seen[i, i] += DEVIATIONS[i] ** 2
-    place.seen[POSITION, POSITION] = height_variance
-    place.seen[DELAY, DELAY] = max(place.delay_doubt, LEAST_VARIANCE)
-    place.guess[DELAY] = 0.0
+    if jointly:
+        for i in range(DELAY + 1):
+            for j in range(DELAY + 1):
+                if max(i, j) >= POSITION:
+                    place.seen[i, j] = known[i, j]
+        place.seen[POSITION, POSITION] += height_variance
+        place.seen[DELAY, DELAY] += LEAST_VARIANCE
+    else:
+        place.seen[POSITION, POSITION] = height_variance
+        place.seen[DELAY, DELAY] = max(place.delay_doubt, LEAST_VARIANCE)
+        place.guess[DELAY] = 0.0
     place_fit.invert(place.seen, place)
 
 
@@ -86,17 +94,16 @@ def set_other(place: Any, height_variance: float) -> None:
     prior[0, 0] += prior[1, 1]
     prior[0, 1] = prior[1, 0] = -prior[1, 1]
     copy_vector(place.before, place.guess)
-    place.guess[DELAY] = 0.0
+    place.guess[DELAY] = place.delay if place.joint != 0 else 0.0
 
 
 @compiled
-def weight_of(bank: Any, left: float) -> float:
+def weight_of(left: float) -> float:
     """Weight of the points' squares, of which a fit leaves so many times the noise's.
 
-    What the law misses is no reason for another place, nor what wide parabolas miss of a press.
+    What the law misses is no reason for another place.
     """
-    wider = max(bank.delay.grid_width / NARROW, 1.0)
-    return 1.0 / (max(left, 1.0) * wider * wider)  # type: ignore[no-any-return]
+    return 1.0 / max(left, 1.0)
 
 
 @compiled

@@ -6,6 +6,7 @@ import numpy as np
 
 from hc_estimator.memory import Field, record_type
 from hc_estimator.multiple_model.hypotheses import ROWS
+from hc_estimator.multiple_model.spline_records import LARGEST_SHIFT
 
 SIX = 6  # ln K, ln B, n, p, contact position, delay
 
@@ -16,6 +17,7 @@ PLACE = record_type(
         Field("unknown", np.int64, (), 0, 1),  # 1 if nothing that was known can be believed
         Field("before", np.float64, (SIX,)),
         Field("before_covariance", np.float64, (SIX, SIX)),
+        Field("joint", np.int64, (), 0, 1),  # 1 if both are beside an unknown delay
         Field("testing", np.int64, (), 0, 1),  # 1 while it is asked of the present contact
         Field("is_other", np.int64, (), 0, 1),  # 1 once it is another place
         Field("row", np.int64, (), 0, len(ROWS) - 1),  # that was in charge in the air
@@ -42,6 +44,8 @@ PLACE = record_type(
         # Within one fit:
         Field("first", np.int64, (), 0),  # number of its first point
         Field("last", np.int64, (), 0),  # and of the one after the last
+        Field("shift", np.int64, (), -LARGEST_SHIFT, LARGEST_SHIFT),  # of the motion by points
+        Field("spacing", np.float64, (), 0.0),  # time between two points [s]
         Field("expected", np.float64, (), 0.0),  # squares where only noise is left
         Field("guess", np.float64, (SIX,)),
         Field("prior", np.float64, (SIX, SIX)),  # precision

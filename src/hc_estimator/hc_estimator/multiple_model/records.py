@@ -11,7 +11,7 @@ import numpy as np
 from hc_estimator.adaptation.difference_noise import NOISE
 from hc_estimator.adaptation.motion_density import INDICES, MOTION
 from hc_estimator.memory import Field, record_type
-from hc_estimator.multiple_model.delay_records import DELAY, GRID
+from hc_estimator.multiple_model.delay_records import DELAY
 from hc_estimator.multiple_model.hypotheses import FRESH, ROWS, STATES
 from hc_estimator.multiple_model.place_records import PLACE
 from hc_estimator.multiple_model.spline_records import MEMORIES, MOVING, SPLINE_FIT
@@ -101,6 +101,7 @@ JUDGE = record_type(
         Field("said_at", np.float64, (SLOTS,)),  # contact clock [s]
         Field("said_variance", np.float64, (SLOTS,)),  # of the surest row's force then [N^2]
         Field("known", np.float64, (), 0.0),  # forgetting mean of its inverse [1/N^2]
+        Field("pressed", np.int64, (), 0, 1),  # 1 if there surely was a force at the last sample
         Field("count", np.int64, (), 0),
         Field("waited", np.float64, (), 0.0),  # contact since the last snapshot [s]
         Field("weight", np.float64, (), 0.0),  # of the scores, grows to 1
@@ -313,19 +314,6 @@ AIR = record_type(
     )
 )
 
-# Where the surface is, if no row explains the force.
-SEARCH = record_type(
-    (
-        Field("unexplained_time", np.float64, (), 0.0),  # since a row last explained the force [s]
-        Field("waited", np.float64, (), 0.0),  # since the last search [s]
-        # Of one search:
-        Field("points", np.float64, (GRID, 4)),  # displacement, velocity, force, time from now
-        Field("count", np.int64, (), 0, GRID),
-        Field("touching_force", np.float64, (), 0.0),  # from which on there is a contact [N]
-        Field("best", np.float64, (4,)),  # position [mm], speed [mm/s], K, B
-    )
-)
-
 # What is given out of a sample, by the row that was chosen before it.
 GIVEN = record_type(
     (
@@ -363,6 +351,5 @@ BANK: tuple[Field, ...] = (
     Field("given", GIVEN),
     Field("onset", ONSET),
     Field("air", AIR),
-    Field("search", SEARCH),
     Field("place", PLACE),
 )

@@ -64,7 +64,6 @@ from hc_estimator.screening import ACCEPTED, NUMERICAL, OUTLIER, note_accepted
 PERIOD_SHARE = 0.05  # of a new interval in the usual one
 UNKNOWN = 1e12  # variance of a force whose noise is not known yet [N^2]
 TOUCHING_DEPTH = 0.02  # from which the judge counts contact [mm]
-PRESSED = 0.1  # of the largest force: more than a zero that moved [-]
 AWAY_TIME = 1.0  # the parameters go on walking for so long after contact is lost [s]
 FREE_DEVIATIONS = 3.0  # of the depth from which on free motion is certain
 STEADY_TIME = 0.5  # of contact before the jerk density is corrected [s]
@@ -300,7 +299,7 @@ def _is_touching(bank: Any, chosen: Any) -> bool:
     if not pressed or SURFACE[chosen.index]:
         return bool(pressed)
     surface, largest = bank.rows[SURFACE_ROW], bank.tool.largest_force
-    if surface.active == 0 or largest == 0.0 or clock.measurement[1] < PRESSED * largest:
+    if surface.active == 0 or largest == 0.0 or clock.measurement[1] < judging.PRESSED * largest:
         return False
     return bool(depth_of(surface) > TOUCHING_DEPTH and surface.predicted_force > 0.0)
 

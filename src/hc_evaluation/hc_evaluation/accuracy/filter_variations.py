@@ -38,7 +38,6 @@ MECHANISMS: tuple[tuple[str, Mapping[str, Any]], ...] = (
     ("a lump in an organ that breathes", {"without_hypotheses": 2 ** _BOTH_AT_ONCE[-1]}),
     ("damping that goes its own way", {"without_hypotheses": sum(2**m for m in _REFINED)}),
     ("what other hypotheses leave open", {"mixture_covariance": False}),
-    ("search for the surface", {"search_surface": False}),
     ("no force beyond what was felt", {"possible_forces": False}),
     ("changes of the tissue", _without(Hypothesis.CHANGED)),
     ("turns of the tool", {"find_maneuvers": False}),
