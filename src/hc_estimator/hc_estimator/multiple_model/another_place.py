@@ -374,4 +374,4 @@ def is_to_be_called(settings: Any, bank: Any) -> bool:
     if place.testing == 0:  # the contact is over
         _note_before(settings, bank)
         place_delay.learn(settings, bank)
-    return is_called  # type: ignore[no-any-return]
+    return is_called
