@@ -12,6 +12,7 @@ import hc_estimator as hc
 
 FILTER = "self_tuning_ukf"
 RATE = 500.0
+DEEPEST = 4.0  # below the surface [mm]
 # K, B, n, p and the height of each place.
 PLACES = (
     (0.30, 0.006, 1.6, 0.8, 0.0),
@@ -30,7 +31,7 @@ def press_each_once(delay, seed, lower=0.0, rate=RATE, places=PLACES, noise=0.02
     Every place lies `lower` [mm] than `places` says.
     """
     draw = np.random.default_rng(seed)
-    one = 1.8
+    one, home = 1.8, -2.0
     time = np.arange(0.0, one * len(places), 1.0 / rate)
 
     def at(time):
@@ -41,16 +42,28 @@ def press_each_once(delay, seed, lower=0.0, rate=RATE, places=PLACES, noise=0.02
         share = np.clip(np.where(phase < 0.5, (phase - 0.1) / 0.4, (0.9 - phase) / 0.4), 0.0, 1.0)
         way = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
         rate = np.where(phase < 0.5, 1.0, -1.0) * 30.0 * share**2 * (1.0 - share) ** 2
-        reach = 6.0 + height
-        depth = -2.0 + reach * way - height
+        reach = DEEPEST - home + height
+        depth = home + reach * way - height
         speed = reach * rate / (0.4 * one)
         law = stiffness + damping * np.sign(speed) * np.abs(speed) ** p
-        return -2.0 + reach * way, depth, np.maximum(depth, 0.0) ** n * np.maximum(law, 0.0), number
+        return home + reach * way, depth, np.maximum(depth, 0.0) ** n * np.maximum(law, 0.0), number
 
     displacement, depth, _force, number = at(time)
     force = at(np.maximum(time - delay, 0.0))[2]
     displacement = displacement + 0.002 * draw.standard_normal(time.size)
     return time, displacement, force + noise * draw.standard_normal(time.size), number, depth
+
+
+def end_of(number, depth, place):
+    """Sample at which the contact with a place ends."""
+    return np.flatnonzero((number == place) & (depth > 0.0))[-1]
+
+
+def assert_true_within_deviations(series, sample, tissue):
+    """K, B, n and p are within four of their deviations and a per cent; returns the deviations."""
+    truth, deviation = np.array(tissue[:4]), series.parameters_std[sample]
+    assert np.all(np.abs(series.parameters[sample] - truth) < 4.0 * deviation + 0.01 * truth)
+    return deviation
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -61,7 +74,7 @@ def test_the_contacts_show_a_delay_together(delay, seed):
     assert abs(series.channel_delay[-1] - delay) < 0.002
     off = abs(series.channel_delay[-1] - delay)
     assert off < 4.0 * series.channel_delay_std[-1] + 0.0002
-    end = np.flatnonzero((number == len(PLACES) - 1) & (depth > 0.0))[-1]
+    end = end_of(number, depth, len(PLACES) - 1)
     truth, deviation = PLACES[-1][0], series.parameters_std[end, 0]
     assert abs(series.parameters[end, 0] - truth) < 4.0 * deviation + 0.01 * truth
 
@@ -72,7 +85,7 @@ def test_no_delay_is_invented_and_the_places_are_found(seed):
     series = hc.create_estimator(FILTER).run(time, displacement, force)
     assert np.all(np.abs(series.channel_delay) < 0.002)
     for place in range(3, len(PLACES)):
-        end = np.flatnonzero((number == place) & (depth > 0.0))[-1]
+        end = end_of(number, depth, place)
         truth, deviation = PLACES[place][0], series.parameters_std[end, 0]
         assert abs(series.parameters[end, 0] - truth) < 4.0 * deviation + 0.01 * truth
         assert deviation < 0.15 * truth
@@ -88,10 +101,9 @@ def test_a_first_place_that_lies_elsewhere_spoils_no_other(seed):
     time, displacement, force, number, depth = press_each_once(0.0, seed, lower=0.6)
     series = hc.create_estimator(FILTER).run(time, displacement, force)
     for place in range(2, len(PLACES)):
-        end = np.flatnonzero((number == place) & (depth > 0.0))[-1]
-        truth, deviation = np.array(PLACES[place][:4]), series.parameters_std[end]
-        assert np.all(np.abs(series.parameters[end] - truth) < 4.0 * deviation + 0.01 * truth)
-        assert deviation[0] < 0.2 * truth[0]
+        end = end_of(number, depth, place)
+        deviation = assert_true_within_deviations(series, end, PLACES[place])
+        assert deviation[0] < 0.2 * PLACES[place][0]
         off = abs(series.contact_position[end] - PLACES[place][4] - 0.6)
         assert off < 4.0 * series.contact_position_std[end] + 0.01
     assert np.mean(series.model_mismatch[number >= 2]) < 0.1
@@ -103,13 +115,12 @@ def test_places_are_found_before_a_slow_sensor_shows_that_it_is_in_step(seed):
     time, displacement, force, number, depth = press_each_once(0.0, seed, rate=66.0)
     series = hc.create_estimator(FILTER).run(time, displacement, force)
     for place in range(1, len(PLACES)):
-        end = np.flatnonzero((number == place) & (depth > 0.0))[-1]
-        truth, deviation = np.array(PLACES[place][:4]), series.parameters_std[end]
-        assert np.all(np.abs(series.parameters[end] - truth) < 4.0 * deviation + 0.01 * truth)
-        deepest = 4.0
-        seen = deepest + PLACES[place][4] - series.contact_position[end]
+        end = end_of(number, depth, place)
+        assert_true_within_deviations(series, end, PLACES[place])
+        stiffness, _damping, n, _p, height = PLACES[place]
+        seen = DEEPEST + height - series.contact_position[end]
         elastic = series.parameters[end, 0] * seen ** series.parameters[end, 2]
-        assert elastic == pytest.approx(truth[0] * deepest ** truth[2], rel=0.05)
+        assert elastic == pytest.approx(stiffness * DEEPEST**n, rel=0.05)
     assert np.mean(series.model_mismatch[depth > 0.0]) < 0.1
 
 
@@ -124,9 +135,7 @@ def test_what_is_late_is_no_other_place(delay, rate, seed):
     series = hc.create_estimator(FILTER).run(time, displacement, force)
     assert not np.any(series.change_detected)
     assert abs(series.channel_delay[-1] - delay) < 0.002
-    truth = np.array(PLACES[0][:4])
-    off = np.abs(series.parameters[-1] - truth)
-    assert np.all(off < 4.0 * series.parameters_std[-1] + 0.01 * truth)
+    assert_true_within_deviations(series, -1, PLACES[0])
 
 
 @pytest.mark.parametrize("delay", [0.030, -0.045])
