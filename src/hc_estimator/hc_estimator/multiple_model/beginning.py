@@ -56,7 +56,6 @@ SMALLEST_DEPTH = 0.05
 CERTAIN = 3.0
 FREE_DEPTH = 1.0  # from which on no force says something of K [mm]
 CONTACT_READINGS = 3  # readings in a row that say there is a force
-SURE = 5.0  # a force beyond so many standard deviations is one
 RECOVERY_TIME = 1.0  # a filter that refuses everything for so long starts anew [s]
 SMALLEST_STIFFNESS = math.exp(-LARGEST_LOG_STIFFNESS)  # [N/mm^n]
 WORTHLESS_TIME = 0.5  # so does one whose model error exceeds the forces themselves for so long [s]
@@ -118,7 +117,7 @@ def centre_prior(settings: Any, bank: Any) -> None:
     clock = bank.clock
     chosen = bank.rows[bank.judge.chosen]
     depth = chosen.state[DEPTH]
-    sure = SURE * math.sqrt(bank.sensor_noise[1])
+    sure = judging.SURE * math.sqrt(bank.sensor_noise[1])
     if clock.present[1] == 0 or depth < SMALLEST_DEPTH:
         return
     if depth < CERTAIN * math.sqrt(chosen.covariance[DEPTH, DEPTH]):

@@ -51,7 +51,10 @@ def is_fixed(settings: Any, place: Any, i: int) -> bool:
 
 @compiled
 def _moved_at(place: Any, history: Any, k: int) -> int:
-    """Number of the point whose motion belongs to a point's force; -1 if there is none."""
+    """Number of the point whose motion belongs to a point's force; -1 if there is none.
+
+    Not shifted, each has its own, also where no wide cubic is known: the parabola's will do.
+    """
     return k if place.shift == 0 else place_of(history, place, k)
 
 

@@ -293,7 +293,7 @@ def _is_touching(bank: Any, chosen: Any) -> bool:
     was felt may be a zero that moved, and is left to the chosen row.
     """
     clock, noise = bank.clock, bank.sensor_noise[1]
-    pressed = clock.present[1] != 0 and clock.measurement[1] > beginning.SURE * math.sqrt(noise)
+    pressed = clock.present[1] != 0 and clock.measurement[1] > judging.SURE * math.sqrt(noise)
     if depth_of(chosen) > TOUCHING_DEPTH:
         return bool(chosen.predicted_force > 0.0 or pressed)
     if not pressed or SURFACE[chosen.index]:

@@ -260,8 +260,7 @@ def drawn_contact(
         TROUBLES[name](np.random.default_rng([seed, 778, place]), plan)
     # Between two readings of a slow sensor the tool goes on smoothly, and the tissue with it.
     way = CubicSpline(time, plan.tool - plan.surface)
-    velocity = way(time, 1)
-    fastest = max(float(np.max(np.abs(velocity))), SLOWEST_FASTEST_MM_S)
+    fastest = max(float(np.max(np.abs(way(time, 1)))), SLOWEST_FASTEST_MM_S)
     factor = np.exp(plan.log_factor)
     damping = stiffness * damping_share / fastest**velocity_exponent
 
