@@ -160,6 +160,7 @@ GUESTS = {
     "multiple_model/contact_onset": {"row": "position_deviation"},
     # Everything that was remembered with the old zeros is moved here.
     "multiple_model/zero_moves": {
+        "air": "sum",
         "delay": "grid raw_value",
         "given": "predicted_force reconstructed_force",
         "held": "value",

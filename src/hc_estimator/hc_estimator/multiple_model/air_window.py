@@ -42,6 +42,15 @@ def copy(source: Any, window: Any) -> None:
 
 
 @compiled
+def move(window: Any, displacement: float, force: float) -> None:
+    """The zeros have moved by so much [mm], [N]; what was read is the same."""
+    window.mean[0] -= displacement
+    window.mean[1] -= force
+    window.lowest -= displacement
+    window.highest -= displacement
+
+
+@compiled
 def add(window: Any, displacement: float, force: float) -> None:
     """Take a reading, and where the tool was."""
     mean, moment = window.mean, window.moment

@@ -5,7 +5,8 @@ of the largest force K was 1.6 % wrong, by two per cent 6 %). Wherever the tool 
 again the zero is there to be read: where the row in charge says that the tool is surely outside,
 and the force stays the same while the tool travels, for as long as it is outside. Readings of
 several visits count together until their mean is significantly none. Then it is the zero from now
-on; what was felt since the zero was known last has its share of it, by the time.
+on; what was felt since the zero was known last has its share of it, by the time, and if it never
+was, all of it: a sensor that nobody tared was off from the start.
 
 Not where the force changes with the place, or scatters more than the sensor does: the surface may
 have moved, or the force may be late. (Ours; `contact_onset` does the same before the first touch.)
@@ -128,11 +129,15 @@ def _conclude(bank: Any, time: float) -> None:
 def _move(bank: Any, level: float, deviation: float, time: float) -> None:
     """Let the zero be what the force reads; what was felt while it moved has a share of that."""
     onset = bank.onset
+    was_known = onset.in_air != 0
     onset.in_air = max(onset.in_air, CAME_DOWN)
     onset.force_deviation = deviation
     onset.shift[0] = 0.0
     onset.shift[1] = level
     zero_moves.move_readings(bank)
+    if not was_known:
+        histories.move(bank.history, 0.0, level, 0.0, 0.0)
+        return
     # A step is more likely to have come while nobody touched anything.
     if abs(level) <= SURE * math.sqrt(bank.sensor_noise[1]):
         histories.move(bank.history, 0.0, level, bank.air.known_at, time)

@@ -48,6 +48,7 @@ from hc_estimator.multiple_model.rows import (
     reset,
     take_motion,
 )
+from hc_estimator.multiple_model.spline_records import MOVES
 from hc_estimator.screening import ACCEPTED, NUMERICAL
 
 ALIGNED_DEVIATIONS = (0.3, 1.0, 0.15, 0.1)  # of ln K, ln B, n, p after an alignment
@@ -186,6 +187,7 @@ def begin_at_onset(settings: Any, bank: Any) -> None:
 @compiled
 def begin_with_zeros(settings: Any, bank: Any) -> None:
     """Begin every row with the fit that found a zero to be off, in the new zeros."""
+    moves = bank.fit.kind == MOVES
     zero_moves.move(bank)
     fit = bank.zeros.fit
     _begin_rows(settings, bank.rows, (fit[0], fit[1], fit[2], fit[3]))
@@ -196,6 +198,8 @@ def begin_with_zeros(settings: Any, bank: Any) -> None:
     delays.begin_with_zeros(bank.delay)
     another_place.forget(bank.place)
     _choose_anew(bank)
+    if moves:
+        moving_fit.look_for_moving(settings, bank)
 
 
 @compiled

@@ -90,6 +90,7 @@ def learn(history: Any, finder: Any, noise: Any) -> bool:
         finder: record of `delay`.
         noise: variances of a reading, shape (2,).
     """
+    history.half_width = 0.5 * finder.grid_width
     shift = round(finder.delay / finder.grid_step)
     rest = shift * finder.grid_step - finder.delay
     here = finder.grid_count - 1 - max(-shift, 0)  # of the force

@@ -42,7 +42,6 @@ from hc_estimator.multiple_model.hypotheses import (
 )
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import cut, is_held, limit, seed
-from hc_estimator.multiple_model.spline import SECOND_KNOT
 from hc_estimator.multiple_model.spline_fit import CONSISTENT, solve_least_squares
 from hc_estimator.multiple_model.spline_outcome import OUTCOME, note_outcome
 from hc_estimator.multiple_model.spline_prior import log_evidence
@@ -50,7 +49,6 @@ from hc_estimator.multiple_model.spline_records import (
     BENDS,
     MOVES,
     RELAXES,
-    SECOND_SPLINE,
     SINKS,
     STAYS,
     STEADY,
@@ -70,7 +68,6 @@ SPECIFICATIONS = (
 EVERY = 1.0  # time in contact between two fits [s]
 LEAST_TIME = 3.0  # that they must span [s]
 FRESH_TIME = 0.25  # age of the latest of them, at most [s]
-LONGEST_TIME = SECOND_KNOT * (SECOND_SPLINE - 3)  # the same, at most
 LEAST_LEFT = 0.7  # squares that the freest leaves, in those of the noise
 # Real tissue that relaxes does not do so by the law to within the noise. It is believed if that
 # explains most of what tissue that stays leaves, as well as any that varies or sinks; a surface
@@ -201,15 +198,9 @@ def _are_enough(bank: Any) -> bool:
 
 @compiled
 def _oldest(history: Any, last: int) -> int:
-    """First of the points before `last` that is remembered until the last fit, and no older.
-
-    Over a longer time the knots of a surface would be too far apart for one that breathes.
-    """
+    """First of the points before `last` that is remembered until the last fit, and no older."""
     first = max(last - POINTS + ORDER.size + 1, history.begun)
-    begun = history.points[(last - 1) % POINTS, 8] - LONGEST_TIME
-    while first < last - 1 and history.points[first % POINTS, 8] < begun:
-        first += 1
-    return first  # type: ignore[no-any-return]
+    return spline.first_in_reach(history, first, last)
 
 
 @compiled
@@ -318,6 +309,21 @@ def begin_moving(settings: Any, bank: Any) -> None:
         judge.found_at = clock
         bank.moving.moved_at = clock
         _take(settings, bank, bank.rows[SURFACE_ROW], clock)
+
+
+@compiled
+def look_for_moving(settings: Any, bank: Any) -> None:
+    """Begin with tissue that stays under a surface that moves, if that explains all by now.
+
+    Until it is asked in its turn, what is beneath another zero would pass for another place.
+    """
+    fit, history = bank.fit, bank.history
+    if not _lay_out(settings, history, fit, MOVES, history.count):
+        return
+    spline_start.begin(settings, history, fit, bank.rows[bank.judge.chosen])
+    left = solve_least_squares(settings, history, fit, histories.noise_of_points(bank))
+    if left < CONSISTENT * fit.expected:
+        begin_moving(settings, bank)
 
 
 @compiled

@@ -20,6 +20,7 @@ from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import place_fit, place_prior
 from hc_estimator.multiple_model.delay import BEGINS, LARGEST
 from hc_estimator.multiple_model.delay_points import LEAST_BACK
+from hc_estimator.multiple_model.hypotheses import SURFACE
 from hc_estimator.multiple_model.kalman import exp_limited
 from hc_estimator.multiple_model.levenberg_marquardt import solve
 from hc_estimator.multiple_model.place_fit import DELAY, UNKNOWNS
@@ -155,8 +156,14 @@ def _is_shown(place: Any, history: Any, delay: float, variance: float) -> bool:
 
 @compiled
 def learn(settings: Any, bank: Any) -> None:
-    """Take what the contact that is over says of the delay, whatever its place is like."""
-    place, history = bank.place, bank.history
+    """Take what the contact that is over says of the delay, whatever its place is like.
+
+    Not beneath a surface that moves and explains it: on its way in and out a contact with one that
+    stays would have to be late.
+    """
+    place, history, row = bank.place, bank.history, bank.rows[bank.judge.chosen]
+    if SURFACE[row.index] and row.model_error == 0.0:
+        return
     place.first = max(history.contact, histories.oldest(history))
     place.last = min(history.count, place.first + int(place_prior.most_points(bank)))
     if not may_be_late(settings, place) or place.last - place.first < FEWEST:

@@ -19,6 +19,7 @@ from hc_estimator.linear_algebra import (
     is_definite,
     leading_cholesky,
 )
+from hc_estimator.multiple_model import point_error
 from hc_estimator.multiple_model.kalman import exp_limited
 from hc_estimator.multiple_model.levenberg_marquardt import (
     FIRST_DAMPING,
@@ -87,20 +88,27 @@ def weigh(
     noise: tuple[float, float, float],
 ) -> None:
     """Give each point its weight by the law at place.values; as in `spline_fit.weigh`."""
-    gradient = place.gradient
+    gradient, values = place.gradient, place.values
     place.expected = 0.0
     for k in range(place.first, place.last):
         point, moved = history.points[k % POINTS], _moved_at(place, history, k)
         if moved < 0:
             point[3] = 0.0
             continue
-        _law(settings, place, place.values, history, history.points[moved % POINTS])
+        motion = history.points[moved % POINTS]
+        _law(settings, place, values, history, motion)
         variance = noise[1] + gradient[0] * gradient[0] * noise[0]
         drag = gradient[1] * gradient[1]
-        weight = 1.0 / (variance + drag * history.velocity_noise[0])
-        point[3] = weight
         own = noise[2] * variance + drag * history.velocity_std[0] ** 2
-        place.expected += weight * own
+        variance += drag * history.velocity_noise[0]
+        law = (exp_limited(values[0]), exp_limited(values[1]), values[2], values[3])
+        velocity = velocity_at(history, motion) - values[DELAY] * motion[6]
+        depth = motion[0] - values[POSITION] - values[DELAY] * velocity
+        deviation = history.velocity_std[0]
+        missed = point_error.of_rest(settings, law, depth, velocity, deviation, gradient)
+        weight = 1.0 / (variance + missed)
+        point[3] = weight
+        place.expected += weight * (own + missed)
 
 
 @compiled

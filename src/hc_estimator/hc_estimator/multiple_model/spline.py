@@ -37,6 +37,7 @@ DELAY_DEVIATION = 0.002  # of the delay about the one in use [s]
 SURFACE_DEVIATION = 1.0  # of the mean of a surface that moves about the zero [mm]
 KNOT = 0.25  # time between two knots of the stiffness [s]
 SECOND_KNOT = 0.5  # of surface or exponent [s]
+LONGEST_TIME = SECOND_KNOT * (SECOND_SPLINE - 3)  # over which knots are no further apart [s]
 STRETCHED = 1.5  # factor on both up to which the points may lie apart
 
 
@@ -44,6 +45,18 @@ STRETCHED = 1.5  # factor on both up to which the points may lie apart
 def has(fit: Any, what: int) -> bool:
     """True if something does not stay in this fit."""
     return bool(fit.kind & what != 0)
+
+
+@compiled
+def first_in_reach(history: Any, first: int, last: int) -> int:
+    """Number of the first point from `first` on over which knots are close enough.
+
+    Over a longer time they would be too far apart for a surface that breathes.
+    """
+    begun = history.points[(last - 1) % POINTS, 8] - LONGEST_TIME
+    while first < last - 1 and history.points[first % POINTS, 8] < begun:
+        first += 1
+    return first
 
 
 @compiled

@@ -15,13 +15,12 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector, copy_vector, is_definite, leading_cholesky
+from hc_estimator.multiple_model import point_error
 from hc_estimator.multiple_model.history import MEMORY
 from hc_estimator.multiple_model.kalman import exp_limited
 from hc_estimator.multiple_model.levenberg_marquardt import (
     FIRST_DAMPING,
     LARGEST_DAMPING,
-    SMALLEST_GAIN,
-    STEPS,
     solve,
     step,
 )
@@ -70,7 +69,35 @@ PASSES = 3  # with other weights
 SETTLED = 0.01  # relative change of the squares with which the weights hold
 BEND_STEP = 0.1  # share of a step over which the second derivative is taken
 MOST_BENT = 0.75  # of a step's length, up to which its bend is followed
+STEPS = 20  # down the cost, at most
+# Decrease of the cost at which the fit is done. Zeros are told from none by a few of these, along a
+# valley in which a thousandth of the whole is as much.
+SMALLEST_GAIN = 0.05
 HOPELESS = 10.0  # squares left over those of the noise at which other weights change nothing
+
+
+@compiled
+def _law_of(fit: Any, values: Any) -> tuple[float, float, float, float]:
+    """K, B, n and p where `locate` was called for."""
+    stiffness = exp_limited(log_stiffness(fit, values))
+    damping = stiffness * math.exp(values[LOG_RATIO])
+    n = values[EXPONENT]
+    if has(fit, BENDS):
+        n = min(max(second(fit, values)[0], SMALLEST_EXPONENT), LARGEST_EXPONENT)
+    return stiffness, damping, n, values[VELOCITY_EXPONENT]
+
+
+@compiled
+def _motion_at(
+    fit: Any, values: Any, time: float, tool: tuple[float, float, float]
+) -> tuple[float, float]:
+    """Depth and velocity of the tool within the tissue."""
+    depth = tool[0] - values[POSITION] - values[SPEED] * (time - fit.latest)
+    velocity = tool[1] - values[SPEED]
+    if has(fit, BENDS):
+        return depth, velocity
+    value, rate = second(fit, values)
+    return depth - value, velocity - rate
 
 
 @compiled
@@ -78,18 +105,22 @@ def _law_at(
     settings: Any, fit: Any, values: Any, time: float, tool: tuple[float, float, float]
 ) -> float:
     """Force at the tool's depth and velocity [N], less the zero's; derivatives in fit.gradient."""
-    stiffness = exp_limited(log_stiffness(fit, values))
-    damping = stiffness * math.exp(values[LOG_RATIO])
-    depth = tool[0] - values[POSITION] - values[SPEED] * (time - fit.latest)
-    velocity = tool[1] - values[SPEED]
-    n, p = values[EXPONENT], values[VELOCITY_EXPONENT]
-    value, rate = second(fit, values)
-    if has(fit, BENDS):
-        n = min(max(value, SMALLEST_EXPONENT), LARGEST_EXPONENT)
-    else:
-        depth -= value
-        velocity -= rate
+    stiffness, damping, n, p = _law_of(fit, values)
+    depth, velocity = _motion_at(fit, values, time, tool)
     return law_at(settings, stiffness, damping, n, p, depth, velocity, fit.gradient)
+
+
+@compiled
+def _missed(
+    settings: Any, history: Any, fit: Any, place: Any, tool: tuple[float, float, float]
+) -> float:
+    """Variance of a point's force that is no noise of the sensors [N^2]; fit.gradient is lost."""
+    gradient, law = fit.gradient, _law_of(fit, fit.values)
+    depth, velocity = _motion_at(fit, fit.values, place[8], tool)
+    deviation = history.velocity_std[int(place[7])]
+    rest = point_error.of_rest(settings, law, depth, velocity, deviation, gradient)
+    half = history.half_width
+    return rest + point_error.of_corner(settings, law, depth, velocity, half, gradient)
 
 
 @compiled
@@ -106,7 +137,7 @@ def weigh(settings: Any, history: Any, fit: Any, noise: tuple[float, float, floa
         noise: of the points; see `history.noise_of_points`.
     """
     gradient = fit.gradient
-    expected, averaged = 0.0, 0.0
+    expected, averaged, log_missed = 0.0, 0.0, 0.0
     for k in range(fit.first, fit.last):
         number = place_of(history, fit, k)
         if number < 0:
@@ -117,13 +148,17 @@ def weigh(settings: Any, history: Any, fit: Any, noise: tuple[float, float, floa
         _law_at(settings, fit, fit.values, place[8], tool)
         variance = noise[1] + gradient[0] * gradient[0] * noise[0]
         drag, cubic = gradient[1] * gradient[1], int(place[7])
-        point[3] = 1.0 / (variance + drag * history.velocity_noise[cubic])
+        variance += drag * history.velocity_noise[cubic]
         of_motion = gradient[0] * gradient[0] * noise[2] * noise[0]
         of_motion += drag * history.velocity_std[cubic] ** 2
         taken = 1.0 - noise_left(history, fit, number, fit.values[DELAY])
-        expected += point[3] * (noise[2] * noise[1] + of_motion * (1.0 - taken))
+        missed = _missed(settings, history, fit, place, tool)
+        point[3] = 1.0 / (variance + missed)
+        log_missed += noise[2] * math.log1p(missed / variance)
+        expected += point[3] * (noise[2] * noise[1] + missed + of_motion * (1.0 - taken))
         averaged += point[3] * of_motion * taken
-    fit.expected = expected
+    fit.log_missed = log_missed
+    fit.expected = expected + log_missed
     fit.averaged = averaged
 
 
@@ -135,7 +170,7 @@ def gather(settings: Any, history: Any, fit: Any, values: Any) -> float:
         pull[i] = 0.0
         for j in range(i + 1):
             seen[i, j] = 0.0
-    total = 0.0
+    total = float(fit.log_missed)
     count = 0
     for k in range(fit.first, fit.last):
         number = place_of(history, fit, k)
@@ -284,7 +319,7 @@ def _improve(settings: Any, history: Any, fit: Any) -> float:
             gain = cost - after
             cost, squares = after, squares_after
             copy_vector(following, values)
-            if gain < SMALLEST_GAIN * cost:
+            if gain < SMALLEST_GAIN:
                 break
             add_prior(fit, values)
             fit.damping *= 0.1

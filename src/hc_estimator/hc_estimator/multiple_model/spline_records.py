@@ -42,6 +42,8 @@ SPLINE_FIT = record_type(
         Field("wandering", np.float64, (2,), 0.0),  # variance that their rates gain per second
         Field("unknowns", np.int64, (), 0, UNKNOWNS),  # unknowns in use
         Field("count", np.int64, (), 0),  # points that were used
+        # Of the squares: what points cost that are noisier than the sensors (`point_error`).
+        Field("log_missed", np.float64, (), 0.0),
         Field("expected", np.float64, (), 0.0),  # squares where only noise is left
         # What less is left of those because two positions were averaged.
         Field("averaged", np.float64, (), 0.0),

@@ -42,6 +42,7 @@ from hc_estimator.multiple_model.hypotheses import (
     BREATHES,
     LOG_STIFFNESS,
     OWN,
+    SURFACE,
     SURFACE_ROW,
     is_tried,
 )
@@ -229,12 +230,17 @@ def _fit_any(settings: Any, bank: Any, possible: int) -> bool:
     last = history.points[(history.count - 1) % POINTS, 8]
     span = last - history.points[first % POINTS, 8]
     zeros.misfit = math.inf
+    row = bank.rows[bank.judge.chosen]
+    near = spline.first_in_reach(history, first, history.count)
+    if BREATHES[row.index]:
+        first = near  # all kinds are compared with what it says
     rival, largest = -math.inf, _largest(history, first)
     if span >= LEAST_TIME:
         rival = zero_rival.evidence_of_surface(settings, bank, first)
-    row = bank.rows[bank.judge.chosen]
     # Rows begin anew at the given surface: from one that is far from it they would take seconds.
-    breathes = BREATHES[row.index] and abs(row.state[OWN]) < LARGEST_SURFACE
+    breathes = not SURFACE[row.index] or abs(row.state[OWN]) < LARGEST_SURFACE
+    # Where no row explains the force, none in charge is right about the surface.
+    breathes = breathes and (BREATHES[row.index] or row.model_error > 0.0)
     breathes = breathes and possible & OF_FORCE != 0
     for kind in (STAYS, SINKS, MOVES, VARIES):
         if kind == MOVES and not breathes:
@@ -244,7 +250,8 @@ def _fit_any(settings: Any, bank: Any, possible: int) -> bool:
         spline.free_all(settings, fit)
         if possible & OF_FORCE == 0:
             fit.held[spline.FORCE_ZERO] = 1
-        if not spline.lay_out(history, fit, first, history.count, kind):
+        begin = near if kind & (VARIES + MOVES) != 0 else first
+        if not spline.lay_out(history, fit, begin, history.count, kind):
             continue
         spline_start.begin(settings, history, fit, row)
         if _explains(settings, bank):

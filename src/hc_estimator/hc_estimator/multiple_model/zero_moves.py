@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import delay_points, plausible
+from hc_estimator.multiple_model import air_window, delay_points, plausible
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.hypotheses import DEPTH
 
@@ -59,6 +59,14 @@ def move_readings(bank: Any) -> None:
     onset.highest_level -= force
     onset.highest_at -= displacement
     onset.lowest_level -= force
+    onset.inside_at -= displacement
+    onset.rise_lowest -= force
+    onset.rise_highest -= force
+    air_window.move(onset.window, displacement, force)
+    air_window.move(onset.inside, displacement, force)
+    air_window.move(onset.rise, displacement, force)
+    air_window.move(bank.air.window, displacement, force)
+    bank.air.sum -= bank.air.seen * force
     onset.floor -= force
     if force != 0.0:
         onset.first_force = 0.0
