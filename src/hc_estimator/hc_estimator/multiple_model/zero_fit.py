@@ -19,7 +19,7 @@ goes with the estimate, by how much the K, B, n and p of the fit depend on them 
 
 A law that does not fit real tissue would find zeros as well that make it fit better. So zeros move
 only where the law then fits to within the noise of the sensors: where no law does, nothing is
-concluded.
+concluded, unless a fit leaves a hundredth of what that law misses, and next to noise.
 """
 
 from __future__ import annotations
@@ -76,6 +76,8 @@ SPECIFICATIONS = (
     ),
 )
 
+NEARLY = 3.0  # squares left, in those of the noise, up to which a fit may explain next to all
+LEAST_SHARE = 0.01  # of what the row in charge misses, that such a fit leaves
 REFUTED = 6.0  # the same, at which zeros that were found are taken back
 FEWEST_WINDOWS = 4  # of the delay before a zero is looked for
 EVERY = 1.0  # time in contact between two fits [s]
@@ -263,14 +265,21 @@ def _fit_any(settings: Any, bank: Any, possible: int) -> bool:
 
 @compiled
 def _explains(settings: Any, bank: Any) -> bool:
-    """Fit from fit.values on; False if more than noise is left."""
+    """Fit from fit.values on; False if more than noise is left, or next to nothing else.
+
+    Of sensors that are better than the parabolas of a quick tap, half as much again is left with
+    the right zeros, where the zeros as given leave ten thousand times as much.
+    """
     zeros, fit, noise = bank.zeros, bank.fit, histories.noise_of_points(bank)
     squares = solve_least_squares(settings, bank.history, fit, noise)
     if not (math.isfinite(squares) and fit.expected > 0.0):
         return False
     zeros.squares = squares
-    zeros.misfit = min(zeros.misfit, squares / fit.expected)
-    return bool(squares < CONSISTENT * fit.expected)
+    left = squares / fit.expected
+    zeros.misfit = min(zeros.misfit, left)
+    missed = max(left - 1.0, 0.0) * noise[1] * noise[2]
+    by_all = bank.rows[bank.judge.chosen].model_error
+    return bool(left < CONSISTENT or (left < NEARLY and missed < LEAST_SHARE * by_all))
 
 
 @compiled
