@@ -49,6 +49,16 @@ def error_of(series, time, begin):
     return np.abs(np.log(series.parameters[time > begin, 0] / K))
 
 
+def run_over(contact):
+    """Series of the filter over a drawn contact, which samples count, and errors of ln K there."""
+    series = hc.create_estimator(FILTER).run(
+        contact.time_s, contact.displacement_mm, contact.force_n
+    )
+    late = contact.time_s > 8.0
+    off = np.abs(np.log(series.parameters[late, 0] / contact.parameters[late, 0]))
+    return series, late, off
+
+
 @pytest.mark.parametrize("zero", [0.035, 0.06, -0.05])
 @pytest.mark.parametrize("position", [0.12, -0.2])
 @pytest.mark.parametrize("rate", [200.0, 1000.0])
@@ -69,6 +79,7 @@ def test_both_zeros_are_found_of_quick_taps_that_hardly_leave(seed):
     series = hc.create_estimator(FILTER).run(time, place, force)
     assert np.median(error_of(series, time, 8.0)) < 0.01
     assert series.force_zero[-1] == pytest.approx(0.04, abs=0.01)
+    assert series.contact_position[-1] == pytest.approx(0.12, abs=0.02)
     assert np.mean(series.model_mismatch[time > 8.0]) < 0.05
 
 
@@ -84,11 +95,7 @@ def test_a_force_zero_is_found_on_a_surface_that_breathes(seed):
 @pytest.mark.parametrize("seed", [21005, 21006, 21008])
 def test_what_was_felt_before_the_zero_was_read_in_the_air_moves_along(seed):
     contact = simulate(together.contact_of("tapping, zeros off", seed), seed)
-    series = hc.create_estimator(FILTER).run(
-        contact.time_s, contact.displacement_mm, contact.force_n
-    )
-    late = contact.time_s > 8.0
-    off = np.abs(np.log(series.parameters[late, 0] / contact.parameters[late, 0]))
+    series, late, off = run_over(contact)
     assert np.quantile(off, 0.9) < 0.02
     assert np.mean(series.model_mismatch[late]) < 0.05
 
@@ -98,24 +105,16 @@ def test_a_zero_that_the_first_touch_shows_is_moved_once():
     seed = 21014
     scenario = together.contact_of("presses, zeros off, out of step", seed)
     contact = simulate(scenario, seed)
-    series = hc.create_estimator(FILTER).run(
-        contact.time_s, contact.displacement_mm, contact.force_n
-    )
+    series, _late, off = run_over(contact)
     largest = contact.force.max()
     found = series.force_zero[series.force_zero != 0.0]
     assert found.size > 1000
     assert np.max(np.abs(found - scenario.force_zero_n)) < 2e-3 * largest
-    off = np.abs(np.log(series.parameters[-1, 0] / contact.parameters[-1, 0]))
-    assert off < 0.05
+    assert off[-1] < 0.05
 
 
 def test_ramps_with_rests_show_a_force_zero():
     """Where p is below one a velocity of a hundredth is a drag of a tenth; K was 15 % wrong."""
-    contact = drawn_contact(("force zero",), 30005)
-    series = hc.create_estimator(FILTER).run(
-        contact.time_s, contact.displacement_mm, contact.force_n
-    )
-    late = contact.time_s > 8.0
-    off = np.abs(np.log(series.parameters[late, 0] / contact.parameters[late, 0]))
+    series, late, off = run_over(drawn_contact(("force zero",), 30005))
     assert np.median(off) < 0.02
     assert np.mean(series.model_mismatch[late]) < 0.2
