@@ -279,7 +279,7 @@ def _take_point(settings: Any, bank: Any) -> None:
     before = finder.grid_count
     if bank.change.detected != 0:
         delay_points.forget(finder)
-    full = grids.advance(finder)
+    full = grids.advance(finder, bank.sensor_noise)
     new = finder.grid_count > before and bank.calibrated != 0
     if new and is_tried(settings, FITTED):
         if another_place.look(settings, bank):

@@ -25,8 +25,9 @@ DELAY = record_type(
         Field("raw_time", np.float64, (2, RAW)),  # rings, displacement and force [s]
         Field("raw_value", np.float64, (2, RAW)),  # [mm], [N]
         Field("raw_count", np.int64, (2,), 0),
-        # Ring: displacement, velocity, acceleration, force; mean squares left by the parabolas.
-        Field("grid", np.float64, (GRID, 7)),
+        # Ring: displacement, velocity, acceleration, force; mean squares left by the polynomials;
+        # what a cubic adds to the velocity; the values' variances over those of parabolas.
+        Field("grid", np.float64, (GRID, 9)),
         Field("grid_count", np.int64, (), 0),
         Field("grid_step", np.float64),  # [s]
         Field("grid_width", np.float64),  # of the parabolas [s]
@@ -42,7 +43,9 @@ DELAY = record_type(
         Field("smooth", np.float64, (GRID, 4)),
         Field("wide", np.float64, (2,)),  # velocity and acceleration of one point by a wide cubic
         Field("in_contact", np.int64, (GRID,), 0, 1),
-        Field("parabola", np.float64, (5,)),  # the last: mean square left
+        Field("parabola", np.float64, (6,)),  # the last; see `local_polynomial.fit`
+        Field("normal_of_quartic", np.float64, (5, 5)),
+        Field("quartic", np.float64, (5,)),
         # Points that are kept, a ring; see `delay_points`. By the candidate: d, ln |v|, v.
         Field("point", np.float64, (DELAY_POINTS, CANDIDATES, 3)),
         # [N]; from a step of the grid before to two after.

@@ -1,9 +1,9 @@
 """Local parabolas through the raw readings of both channels, on a grid in time.
 
 Displacement, velocity, acceleration and force of a point are the same whatever the hypotheses say,
-and the parabolas are as wide for both channels, so that smoothing shifts neither against the other.
-The finder of the channel delay and the batch fit take their points from here (local polynomial
-regression: Savitzky and Golay, Anal. Chem. 36, 1964, for uneven times).
+and the parabolas (`local_polynomial`) are as wide for both channels, so that smoothing shifts
+neither against the other. The finder of the channel delay and the batch fit take their points from
+here.
 """
 
 from __future__ import annotations
@@ -12,18 +12,13 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import delay_points, smoothing
+from hc_estimator.multiple_model import delay_points, local_polynomial, smoothing
 from hc_estimator.multiple_model.delay_records import CANDIDATES, GRID, RAW
+from hc_estimator.multiple_model.local_polynomial import FEWEST_READINGS, SLACK
 
 STEP = 0.010  # between two points of the grid, at least [s]
 HALF_WIDTH = 0.015  # of the local parabola [s]
-# With even stamps readings lie on the very edge and the very middle of a parabola. Without a slack
-# (a share of the half width) rounding of the stamps would decide, and with it the origin of time.
-SLACK = 1e-3
-EDGE = 1.0 + SLACK
 WIDER = 2.0  # times as wide where readings were lost
-FEWEST_READINGS = 7  # in it
-LEAST_OWN = 1e-3  # of x^3 that no parabola shows, up to which a cubic says nothing
 SAME_STEP = 0.01  # share by which the step of a new grid may differ and be that of the last one
 LOST = 1.5  # times the usual time between two readings from which on some were lost in between
 LARGEST = 0.074  # delay that is tried; 60 ms are looked for [s]
@@ -47,68 +42,6 @@ def take(finder: Any, channel: int, time: float, reading: float) -> None:
     finder.raw_time[channel, count % RAW] = time
     finder.raw_value[channel, count % RAW] = reading
     finder.raw_count[channel] = count + 1
-
-
-@compiled
-def _parabola(finder: Any, channel: int, centre: float, half: float) -> bool:
-    """Least-squares parabola about a time, in finder.parabola; False if readings are few.
-
-    Value, slope, second derivative, mean square left, and what a cubic would add to the slope.
-    """
-    count = finder.raw_count[channel]
-    s0, s1, s2, s3, s4, s5, s6 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    y0, y1, y2, y3, squares = 0.0, 0.0, 0.0, 0.0, 0.0
-    reference = finder.raw_value[channel, (count - 1) % RAW]
-    before, after = 0, 0
-    for back in range(1, min(count, RAW) + 1):
-        slot = (count - back) % RAW
-        x = (finder.raw_time[channel, slot] - centre) / half
-        if x > EDGE:
-            continue
-        if x < -EDGE:
-            break
-        y = finder.raw_value[channel, slot] - reference
-        if x < -SLACK:
-            before += 1
-        elif x > SLACK:
-            after += 1
-        square = x * x
-        cube = square * x
-        s0 += 1.0
-        s1 += x
-        s2 += square
-        s3 += cube
-        s4 += square * square
-        s5 += square * cube
-        s6 += cube * cube
-        y0 += y
-        y1 += x * y
-        y2 += square * y
-        y3 += cube * y
-        squares += y * y
-    if min(before, after) < FEWEST_READINGS // 2:
-        return False
-    c00, c01, c02 = s2 * s4 - s3 * s3, s2 * s3 - s1 * s4, s1 * s3 - s2 * s2
-    determinant = s0 * c00 + s1 * c01 + s2 * c02
-    if not determinant > 0.0:
-        return False
-    c11, c12, c22 = s0 * s4 - s2 * s2, s1 * s2 - s0 * s3, s0 * s2 - s1 * s1
-    a = (c00 * y0 + c01 * y1 + c02 * y2) / determinant
-    b = (c01 * y0 + c11 * y1 + c12 * y2) / determinant
-    c = (c02 * y0 + c12 * y1 + c22 * y2) / determinant
-    finder.parabola[0] = reference + a
-    finder.parabola[1] = b / half
-    finder.parabola[2] = 2.0 * c / (half * half)
-    left = squares - a * y0 - b * y1 - c * y2
-    finder.parabola[3] = max(left, 0.0) / max(s0 - 3.0, 1.0)
-    # A parabola through x^3, and how much of what it leaves of that is in the readings.
-    a = (c00 * s3 + c01 * s4 + c02 * s5) / determinant
-    b = (c01 * s3 + c11 * s4 + c12 * s5) / determinant
-    c = (c02 * s3 + c12 * s4 + c22 * s5) / determinant
-    own = s6 - a * s3 - b * s4 - c * s5
-    share = (y3 - a * y0 - b * y1 - c * y2) / own if own > LEAST_OWN * s6 else 0.0
-    finder.parabola[4] = -share * b / half
-    return True
 
 
 @compiled
@@ -215,29 +148,42 @@ def places_about(finder: Any, time: float, within: float) -> tuple[float, float]
 
 
 @compiled
-def _add_point(finder: Any, centre: float, half: float) -> bool:
-    """Add the point of a time to the grid; False if readings are few in either channel."""
+def _add_point(finder: Any, centre: float, half: float, noise: Any) -> bool:
+    """Add the point of a time to the grid; False if readings are few in either channel.
+
+    Args:
+        finder: changed.
+        centre: time [s].
+        half: half width [s].
+        noise: variances of a reading, shape (2,).
+    """
     slot = finder.grid_count % GRID
-    if not _parabola(finder, 0, centre, half):
+    if not local_polynomial.fit(finder, 0, centre, half, noise[0]):
         return False
     for i in range(3):
         finder.grid[slot, i] = finder.parabola[i]
     finder.grid[slot, 4] = finder.parabola[3]
     finder.grid[slot, 6] = finder.parabola[4]
-    if not _parabola(finder, 1, centre, half):
+    finder.grid[slot, 7] = finder.parabola[5]
+    if not local_polynomial.fit(finder, 1, centre, half, noise[1]):
         return False
     finder.grid[slot, 3] = finder.parabola[0]
     finder.grid[slot, 5] = finder.parabola[3]
+    finder.grid[slot, 8] = finder.parabola[5]
     finder.grid_count += 1
     finder.grid_next += finder.grid_step
     return True
 
 
 @compiled
-def advance(finder: Any) -> bool:
+def advance(finder: Any, noise: Any) -> bool:
     """Add the points of the grid that the readings allow by now; True if a window is full.
 
     Where readings were lost, a parabola is wider; where that does not do, a window begins anew.
+
+    Args:
+        finder: changed.
+        noise: variances of a reading, shape (2,).
     """
     if min(finder.raw_count[0], finder.raw_count[1]) < 2 * FEWEST_READINGS:
         return False
@@ -253,10 +199,10 @@ def advance(finder: Any) -> bool:
     if finder.grid_next > newest + SLACK * half:
         return False
     centre = finder.grid_next
-    if not _add_point(finder, centre, half):
+    if not _add_point(finder, centre, half, noise):
         if finder.grid_count > 0 and centre > newest - (WIDER - 1.0) * half:
             return False  # the readings beyond the gap are still to come
-        if finder.grid_count == 0 or not _add_point(finder, centre, WIDER * half):
+        if finder.grid_count == 0 or not _add_point(finder, centre, WIDER * half, noise):
             finder.grid_count = 0
             return False
     reach = min(int(LARGEST / finder.grid_step), CANDIDATES // 2)

@@ -29,7 +29,7 @@ TOUCHING = 5.0  # deviations of the force below which it may be none
 UNKNOWN, WIDE, NARROW = 0.0, 1.0, 2.0
 FEWEST_KNOWN = 60  # points whose velocity is known, for a fit with splines or zeros
 SMOOTH = 4.0  # mean square left by a parabola over the noise up to which it fits
-MEMORY = 9  # the first of a point's memories of the force
+MEMORY = 11  # the first of a point's memories of the force
 # Time constants of those [s]. A tissue that relaxes in a sum of exponentials pushes with a law of
 # the depth less a sum of such means of its past force; half a decade apart they are dense enough.
 MEMORY_TIMES = np.array([0.05, 0.15, 0.5, 1.5, 5.0])
@@ -123,6 +123,8 @@ def learn(history: Any, finder: Any, noise: Any) -> bool:
     point[7] = WIDE if finder.neighbours < smoothing.FEWEST_NEIGHBOURS else UNKNOWN
     # Not that of the grid's point: when the delay goes on to the next one, times would jump.
     point[8] = grids.time_of(finder, there) + rest
+    point[9] = place[7]
+    point[10] = finder.grid[here % GRID, 8]
     for i in range(MEMORIES):
         point[MEMORY + i] = history.memory[i]
     history.count += 1

@@ -149,13 +149,14 @@ def weigh(settings: Any, history: Any, fit: Any, noise: tuple[float, float, floa
         variance = noise[1] + gradient[0] * gradient[0] * noise[0]
         drag, cubic = gradient[1] * gradient[1], int(place[7])
         variance += drag * history.velocity_noise[cubic]
-        of_motion = gradient[0] * gradient[0] * noise[2] * noise[0]
+        of_motion = gradient[0] * gradient[0] * place[9] * noise[2] * noise[0]
         of_motion += drag * history.velocity_std[cubic] ** 2
         taken = 1.0 - noise_left(history, fit, number, fit.values[DELAY])
         missed = _missed(settings, history, fit, place, tool)
         point[3] = 1.0 / (variance + missed)
         log_missed += noise[2] * math.log1p(missed / variance)
-        expected += point[3] * (noise[2] * noise[1] + missed + of_motion * (1.0 - taken))
+        of_force = point[10] * noise[2] * noise[1]
+        expected += point[3] * (of_force + missed + of_motion * (1.0 - taken))
         averaged += point[3] * of_motion * taken
     fit.log_missed = log_missed
     fit.expected = expected + log_missed

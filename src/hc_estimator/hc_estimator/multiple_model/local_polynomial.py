@@ -1,0 +1,166 @@
+"""A polynomial through raw readings: a parabola, or a quartic where that leaves more than noise.
+
+Local polynomial regression (Savitzky and Golay, Anal. Chem. 36, 1964, for uneven times) trades
+noise against what it flattens of the motion. A parabola through 30 ms of readings flattens quick
+taps by more than the noise of a good sensor, and the more readings there are between two turns the
+less it does: a quartic of the same width flattens them some thirty times less, and its value has
+1.6 times the variance. It is taken where the parabola leaves more than the noise does. (With
+parabolas alone a sensor of 0.8 um and 1.6 mN knew less than one of 4 um and 8 mN: so few points
+were left of quick taps at 200 Hz that zeros were never asked for; `test_fine_sensors.py`.)
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import clear_matrix, clear_vector, is_definite, leading_cholesky
+from hc_estimator.multiple_model.delay_records import RAW
+
+# With even stamps readings lie on the very edge and the very middle of a parabola. Without a slack
+# (a share of the half width) rounding of the stamps would decide, and with it the origin of time.
+SLACK = 1e-3
+EDGE = 1.0 + SLACK
+FEWEST_READINGS = 7  # in it
+LEAST_OWN = 1e-3  # of x^3 that no parabola shows, up to which a cubic says nothing
+TERMS = 5  # of a quartic
+CHANCE = 3.0  # deviations of what noise alone leaves, beyond which a parabola does not fit
+QUARTIC_NOISE = 25.0 / 16.0  # variance of a quartic's value over that of a parabola's
+
+
+@compiled
+def _parabola(finder: Any, channel: int, centre: float, half: float) -> int:
+    """Least-squares parabola about a time, in finder.parabola; its readings, 0 if they are few.
+
+    Value, slope, second derivative, mean square left, and what a cubic would add to the slope.
+    """
+    count = finder.raw_count[channel]
+    s0, s1, s2, s3, s4, s5, s6 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    y0, y1, y2, y3, squares = 0.0, 0.0, 0.0, 0.0, 0.0
+    reference = finder.raw_value[channel, (count - 1) % RAW]
+    before, after = 0, 0
+    for back in range(1, min(count, RAW) + 1):
+        slot = (count - back) % RAW
+        x = (finder.raw_time[channel, slot] - centre) / half
+        if x > EDGE:
+            continue
+        if x < -EDGE:
+            break
+        y = finder.raw_value[channel, slot] - reference
+        if x < -SLACK:
+            before += 1
+        elif x > SLACK:
+            after += 1
+        square = x * x
+        cube = square * x
+        s0 += 1.0
+        s1 += x
+        s2 += square
+        s3 += cube
+        s4 += square * square
+        s5 += square * cube
+        s6 += cube * cube
+        y0 += y
+        y1 += x * y
+        y2 += square * y
+        y3 += cube * y
+        squares += y * y
+    if min(before, after) < FEWEST_READINGS // 2:
+        return 0
+    c00, c01, c02 = s2 * s4 - s3 * s3, s2 * s3 - s1 * s4, s1 * s3 - s2 * s2
+    determinant = s0 * c00 + s1 * c01 + s2 * c02
+    if not determinant > 0.0:
+        return 0
+    c11, c12, c22 = s0 * s4 - s2 * s2, s1 * s2 - s0 * s3, s0 * s2 - s1 * s1
+    a = (c00 * y0 + c01 * y1 + c02 * y2) / determinant
+    b = (c01 * y0 + c11 * y1 + c12 * y2) / determinant
+    c = (c02 * y0 + c12 * y1 + c22 * y2) / determinant
+    finder.parabola[0] = reference + a
+    finder.parabola[1] = b / half
+    finder.parabola[2] = 2.0 * c / (half * half)
+    left = squares - a * y0 - b * y1 - c * y2
+    finder.parabola[3] = max(left, 0.0) / max(s0 - 3.0, 1.0)
+    # A parabola through x^3, and how much of what it leaves of that is in the readings.
+    a = (c00 * s3 + c01 * s4 + c02 * s5) / determinant
+    b = (c01 * s3 + c11 * s4 + c12 * s5) / determinant
+    c = (c02 * s3 + c12 * s4 + c22 * s5) / determinant
+    own = s6 - a * s3 - b * s4 - c * s5
+    share = (y3 - a * y0 - b * y1 - c * y2) / own if own > LEAST_OWN * s6 else 0.0
+    finder.parabola[4] = -share * b / half
+    finder.parabola[5] = 1.0
+    return int(s0)
+
+
+@compiled
+def _quartic(finder: Any, channel: int, centre: float, half: float) -> bool:
+    """As `_parabola`, of a quartic in its place; False if the readings do not determine it."""
+    count, normal, solution = finder.raw_count[channel], finder.normal_of_quartic, finder.quartic
+    clear_matrix(normal)
+    clear_vector(solution)
+    squares, readings, reference = 0.0, 0, finder.parabola[0]
+    for back in range(1, min(count, RAW) + 1):
+        slot = (count - back) % RAW
+        x = (finder.raw_time[channel, slot] - centre) / half
+        if x > EDGE:
+            continue
+        if x < -EDGE:
+            break
+        y = finder.raw_value[channel, slot] - reference
+        readings += 1
+        squares += y * y
+        of_i = 1.0
+        for i in range(TERMS):
+            solution[i] += of_i * y
+            of_both = of_i
+            for j in range(i + 1):
+                normal[i, j] += of_both
+                of_both *= x
+            of_i *= x
+    if readings <= TERMS or not leading_cholesky(normal, normal, TERMS):
+        return False
+    if not is_definite(normal, TERMS):
+        return False
+    for i in range(TERMS):
+        for k in range(i):
+            solution[i] -= normal[i, k] * solution[k]
+        solution[i] /= normal[i, i]
+        squares -= solution[i] * solution[i]
+    for back in range(TERMS):
+        i = TERMS - 1 - back
+        for k in range(i + 1, TERMS):
+            solution[i] -= normal[k, i] * solution[k]
+        solution[i] /= normal[i, i]
+    finder.parabola[0] = reference + solution[0]
+    finder.parabola[1] = solution[1] / half
+    finder.parabola[2] = 2.0 * solution[2] / (half * half)
+    finder.parabola[3] = max(squares, 0.0) / (readings - TERMS)
+    finder.parabola[4] = 0.0
+    finder.parabola[5] = QUARTIC_NOISE
+    return True
+
+
+@compiled
+def fit(finder: Any, channel: int, centre: float, half: float, noise: float) -> bool:
+    """Fit the readings about a time, in finder.parabola.
+
+    Value, slope, second derivative, mean square left, what a cubic would add to the slope, and the
+    variance of the value over that of a parabola's.
+
+    Args:
+        finder: changed.
+        channel: 0 the displacement, 1 the force.
+        centre: the time [s].
+        half: half of the width [s].
+        noise: variance of a reading.
+
+    Returns:
+        False if readings are few.
+    """
+    readings = _parabola(finder, channel, centre, half)
+    if readings == 0:
+        return False
+    by_chance = 1.0 + CHANCE * math.sqrt(2.0 / max(readings - 3, 1))
+    if finder.parabola[3] > by_chance * noise:
+        _quartic(finder, channel, centre, half)
+    return True
