@@ -143,13 +143,17 @@ def _share_cubic(history: Any, variance: float, independent: float) -> None:
         variance: of a parabola's slope [mm^2/s^2].
         independent: number of points whose errors are independent of one another.
     """
-    squares, along, speeds, first = 0.0, 0.0, 0.0, histories.oldest(history)
+    squares, along, speeds, count = 0.0, 0.0, 0.0, 0
+    first = histories.oldest(history)
     for k in range(first, history.count):
         point = history.points[k % POINTS]
+        if point[9] > 1.0:
+            continue  # the slope of a quartic has it already
+        count += 1
         squares += point[4] * point[4]
         along += point[1] * point[4]
         speeds += point[1] * point[1]
-    count = history.count - first
+    independent *= count / max(history.count - first, 1)
     noise = CUBIC_NOISE * variance
     # Both are squares of what is normal, with a deviation of one, if there is only noise.
     slope = along * along * independent / max(noise * speeds * count, 1e-300)
@@ -170,7 +174,8 @@ def _take_velocity_noise(bank: Any, independent: float) -> None:
     spacing, width = finder.grid_step * history.every, finder.grid_width
     variance = grids.velocity_variance(finder, noise)
     _share_cubic(history, variance, independent)
-    noisier = 1.0 + CUBIC_NOISE * history.cubic_share**2
+    quartics = histories.share_of_quartics(history)
+    noisier = 1.0 + CUBIC_NOISE * ((1.0 - quartics) * history.cubic_share**2 + quartics)
     history.velocity_std[0] = math.sqrt(noisier * variance)
     history.velocity_noise[0] = noisier * variance * width / spacing
     variance *= 1.0 + CUBIC_NOISE

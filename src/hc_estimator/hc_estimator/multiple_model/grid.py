@@ -14,7 +14,7 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import delay_points, local_polynomial, smoothing
 from hc_estimator.multiple_model.delay_records import CANDIDATES, GRID, RAW
-from hc_estimator.multiple_model.local_polynomial import FEWEST_READINGS, SLACK
+from hc_estimator.multiple_model.local_polynomial import FEWEST_READINGS, QUARTIC, SLACK
 
 STEP = 0.010  # between two points of the grid, at least [s]
 HALF_WIDTH = 0.015  # of the local parabola [s]
@@ -122,6 +122,15 @@ def velocity_variance(finder: Any, noise: float) -> float:
 
 
 @compiled
+def share_of_quartics(finder: Any) -> float:
+    """Share of the points of a full window that are of quartics."""
+    count = 0
+    for k in range(finder.points):
+        count += 1 if finder.grid[(finder.first + k) % GRID, 7] == QUARTIC else 0
+    return float(count / max(finder.points, 1))
+
+
+@compiled
 def time_of(finder: Any, k: int) -> float:
     """Time of a point of the grid [s]."""
     return float(finder.grid_next - finder.grid_step * (finder.grid_count - k))
@@ -157,19 +166,18 @@ def _add_point(finder: Any, centre: float, half: float, noise: Any) -> bool:
         half: half width [s].
         noise: variances of a reading, shape (2,).
     """
-    slot = finder.grid_count % GRID
-    if not local_polynomial.fit(finder, 0, centre, half, noise[0]):
+    degree = local_polynomial.fit(finder, centre, half, noise)
+    if degree == 0:
         return False
+    point = finder.grid[finder.grid_count % GRID]
+    place, force = finder.fitted_to[0], finder.fitted_to[1]
     for i in range(3):
-        finder.grid[slot, i] = finder.parabola[i]
-    finder.grid[slot, 4] = finder.parabola[3]
-    finder.grid[slot, 6] = finder.parabola[4]
-    finder.grid[slot, 7] = finder.parabola[5]
-    if not local_polynomial.fit(finder, 1, centre, half, noise[1]):
-        return False
-    finder.grid[slot, 3] = finder.parabola[0]
-    finder.grid[slot, 5] = finder.parabola[3]
-    finder.grid[slot, 8] = finder.parabola[5]
+        point[i] = place[i]
+    point[3] = force[0]
+    point[4] = place[3]
+    point[5] = force[3]
+    point[6] = place[4]
+    point[7] = degree
     finder.grid_count += 1
     finder.grid_next += finder.grid_step
     return True

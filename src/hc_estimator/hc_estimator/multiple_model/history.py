@@ -19,6 +19,7 @@ from hc_estimator.linear_algebra import clear_vector, copy_vector
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model import smoothing
 from hc_estimator.multiple_model.delay_records import GRID
+from hc_estimator.multiple_model.local_polynomial import QUARTIC, VALUE_NOISE
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.spline_records import MEMORIES
 
@@ -29,7 +30,7 @@ TOUCHING = 5.0  # deviations of the force below which it may be none
 UNKNOWN, WIDE, NARROW = 0.0, 1.0, 2.0
 FEWEST_KNOWN = 60  # points whose velocity is known, for a fit with splines or zeros
 SMOOTH = 4.0  # mean square left by a parabola over the noise up to which it fits
-MEMORY = 11  # the first of a point's memories of the force
+MEMORY = 10  # the first of a point's memories of the force
 # Time constants of those [s]. A tissue that relaxes in a sum of exponentials pushes with a law of
 # the depth less a sum of such means of its past force; half a decade apart they are dense enough.
 MEMORY_TIMES = np.array([0.05, 0.15, 0.5, 1.5, 5.0])
@@ -123,8 +124,7 @@ def learn(history: Any, finder: Any, noise: Any) -> bool:
     point[7] = WIDE if finder.neighbours < smoothing.FEWEST_NEIGHBOURS else UNKNOWN
     # Not that of the grid's point: when the delay goes on to the next one, times would jump.
     point[8] = grids.time_of(finder, there) + rest
-    point[9] = place[7]
-    point[10] = finder.grid[here % GRID, 8]
+    point[9] = VALUE_NOISE if place[7] == QUARTIC else 1.0
     for i in range(MEMORIES):
         point[MEMORY + i] = history.memory[i]
     history.count += 1
@@ -229,6 +229,16 @@ def of_place(history: Any) -> int:
 def forget_older_half(history: Any) -> None:
     """Begin with the latest half of the points: no law fits all of them."""
     history.first = (oldest(history) + history.count) // 2
+
+
+@compiled
+def share_of_quartics(history: Any) -> float:
+    """Share of the points that are of quartics."""
+    first = oldest(history)
+    count = 0
+    for k in range(first, history.count):
+        count += 1 if history.points[k % POINTS, 9] > 1.0 else 0
+    return count / float(max(history.count - first, 1))
 
 
 @compiled

@@ -26,12 +26,15 @@ FEWEST_READINGS = 7  # in it
 LEAST_OWN = 1e-3  # of x^3 that no parabola shows, up to which a cubic says nothing
 TERMS = 5  # of a quartic
 CHANCE = 3.0  # deviations of what noise alone leaves, beyond which a parabola does not fit
-QUARTIC_NOISE = 25.0 / 16.0  # variance of a quartic's value over that of a parabola's
+QUADRATIC, QUARTIC = 2, 4
+# Variances of a quartic's value and slope over those of a parabola's (dense readings).
+VALUE_NOISE = 25.0 / 16.0
+SLOPE_NOISE = 25.0 / 4.0
 
 
 @compiled
 def _parabola(finder: Any, channel: int, centre: float, half: float) -> int:
-    """Least-squares parabola about a time, in finder.parabola; its readings, 0 if they are few.
+    """Least-squares parabola about a time, in finder.fitted_to; its readings, 0 if they are few.
 
     Value, slope, second derivative, mean square left, and what a cubic would add to the slope.
     """
@@ -76,29 +79,28 @@ def _parabola(finder: Any, channel: int, centre: float, half: float) -> int:
     a = (c00 * y0 + c01 * y1 + c02 * y2) / determinant
     b = (c01 * y0 + c11 * y1 + c12 * y2) / determinant
     c = (c02 * y0 + c12 * y1 + c22 * y2) / determinant
-    finder.parabola[0] = reference + a
-    finder.parabola[1] = b / half
-    finder.parabola[2] = 2.0 * c / (half * half)
+    finder.fitted_to[channel, 0] = reference + a
+    finder.fitted_to[channel, 1] = b / half
+    finder.fitted_to[channel, 2] = 2.0 * c / (half * half)
     left = squares - a * y0 - b * y1 - c * y2
-    finder.parabola[3] = max(left, 0.0) / max(s0 - 3.0, 1.0)
+    finder.fitted_to[channel, 3] = max(left, 0.0) / max(s0 - 3.0, 1.0)
     # A parabola through x^3, and how much of what it leaves of that is in the readings.
     a = (c00 * s3 + c01 * s4 + c02 * s5) / determinant
     b = (c01 * s3 + c11 * s4 + c12 * s5) / determinant
     c = (c02 * s3 + c12 * s4 + c22 * s5) / determinant
     own = s6 - a * s3 - b * s4 - c * s5
     share = (y3 - a * y0 - b * y1 - c * y2) / own if own > LEAST_OWN * s6 else 0.0
-    finder.parabola[4] = -share * b / half
-    finder.parabola[5] = 1.0
+    finder.fitted_to[channel, 4] = -share * b / half
     return int(s0)
 
 
 @compiled
-def _quartic(finder: Any, channel: int, centre: float, half: float) -> bool:
-    """As `_parabola`, of a quartic in its place; False if the readings do not determine it."""
+def _quartic(finder: Any, channel: int, centre: float, half: float) -> None:
+    """A quartic in place of a parabola, unless the readings do not determine it."""
     count, normal, solution = finder.raw_count[channel], finder.normal_of_quartic, finder.quartic
     clear_matrix(normal)
     clear_vector(solution)
-    squares, readings, reference = 0.0, 0, finder.parabola[0]
+    squares, readings, reference = 0.0, 0, finder.fitted_to[channel, 0]
     for back in range(1, min(count, RAW) + 1):
         slot = (count - back) % RAW
         x = (finder.raw_time[channel, slot] - centre) / half
@@ -118,9 +120,9 @@ def _quartic(finder: Any, channel: int, centre: float, half: float) -> bool:
                 of_both *= x
             of_i *= x
     if readings <= TERMS or not leading_cholesky(normal, normal, TERMS):
-        return False
+        return
     if not is_definite(normal, TERMS):
-        return False
+        return
     for i in range(TERMS):
         for k in range(i):
             solution[i] -= normal[i, k] * solution[k]
@@ -131,36 +133,39 @@ def _quartic(finder: Any, channel: int, centre: float, half: float) -> bool:
         for k in range(i + 1, TERMS):
             solution[i] -= normal[k, i] * solution[k]
         solution[i] /= normal[i, i]
-    finder.parabola[0] = reference + solution[0]
-    finder.parabola[1] = solution[1] / half
-    finder.parabola[2] = 2.0 * solution[2] / (half * half)
-    finder.parabola[3] = max(squares, 0.0) / (readings - TERMS)
-    finder.parabola[4] = 0.0
-    finder.parabola[5] = QUARTIC_NOISE
-    return True
+    finder.fitted_to[channel, 0] = reference + solution[0]
+    finder.fitted_to[channel, 1] = solution[1] / half
+    finder.fitted_to[channel, 2] = 2.0 * solution[2] / (half * half)
+    finder.fitted_to[channel, 3] = max(squares, 0.0) / (readings - TERMS)
+    finder.fitted_to[channel, 4] = 0.0
 
 
 @compiled
-def fit(finder: Any, channel: int, centre: float, half: float, noise: float) -> bool:
-    """Fit the readings about a time, in finder.parabola.
+def fit(finder: Any, centre: float, half: float, noise: Any) -> int:
+    """Fit the readings of both channels about a time, in finder.fitted_to.
 
-    Value, slope, second derivative, mean square left, what a cubic would add to the slope, and the
-    variance of the value over that of a parabola's.
+    Value, slope, second derivative, mean square left, and what a cubic would add to the slope. Both
+    by a quartic, if one of them asks for it: what is flattened of the motion and not of the force
+    looks like a delay.
 
     Args:
         finder: changed.
-        channel: 0 the displacement, 1 the force.
         centre: the time [s].
         half: half of the width [s].
-        noise: variance of a reading.
+        noise: variances of a reading, shape (2,).
 
     Returns:
-        False if readings are few.
+        `QUADRATIC` or `QUARTIC`; 0 if readings are few in either channel.
     """
-    readings = _parabola(finder, channel, centre, half)
-    if readings == 0:
-        return False
-    by_chance = 1.0 + CHANCE * math.sqrt(2.0 / max(readings - 3, 1))
-    if finder.parabola[3] > by_chance * noise:
-        _quartic(finder, channel, centre, half)
-    return True
+    degree = QUADRATIC
+    for channel in range(2):
+        readings = _parabola(finder, channel, centre, half)
+        if readings == 0:
+            return 0
+        by_chance = 1.0 + CHANCE * math.sqrt(2.0 / max(readings - 3, 1))
+        if finder.fitted_to[channel, 3] > by_chance * noise[channel]:
+            degree = QUARTIC
+    if degree == QUARTIC:
+        for channel in range(2):
+            _quartic(finder, channel, centre, half)
+    return degree

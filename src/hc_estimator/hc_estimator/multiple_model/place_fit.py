@@ -100,7 +100,7 @@ def weigh(
         variance = noise[1] + gradient[0] * gradient[0] * noise[0]
         drag = gradient[1] * gradient[1]
         of_depth = motion[9] * gradient[0] * gradient[0] * noise[0]
-        own = noise[2] * (point[10] * noise[1] + of_depth) + drag * history.velocity_std[0] ** 2
+        own = noise[2] * (point[9] * noise[1] + of_depth) + drag * history.velocity_std[0] ** 2
         variance += drag * history.velocity_noise[0]
         law = (exp_limited(values[0]), exp_limited(values[1]), values[2], values[3])
         velocity = velocity_at(history, motion) - values[DELAY] * motion[6]

@@ -155,7 +155,7 @@ def weigh(settings: Any, history: Any, fit: Any, noise: tuple[float, float, floa
         missed = _missed(settings, history, fit, place, tool)
         point[3] = 1.0 / (variance + missed)
         log_missed += noise[2] * math.log1p(missed / variance)
-        of_force = point[10] * noise[2] * noise[1]
+        of_force = point[9] * noise[2] * noise[1]
         expected += point[3] * (of_force + missed + of_motion * (1.0 - taken))
         averaged += point[3] * of_motion * taken
     fit.log_missed = log_missed
