@@ -14,9 +14,11 @@ import hc_estimator as hc
 from hc_estimator.estimate import Hypothesis
 from hc_estimator.multiple_model import batch_fit, grid, history
 from hc_estimator.multiple_model.hypotheses import without
+from hc_estimator.multiple_model.local_polynomial import EDGE, QUADRATIC
 from hc_estimator.multiple_model.records import POINTS
 
 TISSUE = np.array([0.3, 0.015, 1.7, 1.05])
+NOISY = np.array([1e6, 1e6])  # variances beside which a parabola leaves nothing
 
 
 def law(depth, velocity, values):
@@ -30,7 +32,7 @@ def in_logarithms(parameters):
     return np.array([np.log(parameters[0]), np.log(parameters[1]), *parameters[2:]])
 
 
-def fill_grid(bank, displacement, force, rate=1000.0, origin=0.0):
+def fill_grid(bank, displacement, force, rate=1000.0, origin=0.0, noise=NOISY):
     """Feed both channels and make every point of the grid; the number of them."""
     grid.restart(bank.delay)
     made = 0
@@ -38,7 +40,7 @@ def fill_grid(bank, displacement, force, rate=1000.0, origin=0.0):
         for channel, value in ((0, displacement[k]), (1, force[k])):
             grid.take(bank.delay, channel, origin + k / rate, value)
         before = bank.delay.grid_count
-        grid.advance(bank.delay)
+        grid.advance(bank.delay, noise)
         made += bank.delay.grid_count > before
     return made
 
@@ -59,7 +61,7 @@ def test_a_point_of_the_grid_is_the_least_squares_parabola(records_of, seed, rat
     finder = bank.delay
     centre, half = finder.grid_next - finder.grid_step, 0.5 * finder.grid_width
     point = finder.grid[(finder.grid_count - 1) % finder.grid.shape[0]]
-    inside = np.abs(time - centre) <= grid.EDGE * half
+    inside = np.abs(time - centre) <= EDGE * half
     c, b, a = np.polyfit(time[inside] - centre, values[inside], 2)
     np.testing.assert_allclose(point[:3], [a, b, 2.0 * c], rtol=1e-6, atol=1e-6)
     left = np.sum((np.polyval([c, b, a], time[inside] - centre) - values[inside]) ** 2)
@@ -106,7 +108,7 @@ def newest_point(bank, displacement, velocity, force):
     finder = bank.delay
     finder.grid_step, finder.delay, finder.grid_count = 0.01, 0.0, finder.grid_count + 1
     slot = (finder.grid_count - 1) % finder.grid.shape[0]
-    finder.grid[slot] = (displacement, velocity, 0.0, force, 0.0, 0.0, 0.0)
+    finder.grid[slot] = (displacement, velocity, 0.0, force, 0.0, 0.0, 0.0, QUADRATIC)
     return history.learn(bank.history, finder, np.array([1e-6, 1e-4]))
 
 
@@ -287,7 +289,7 @@ def test_a_parabola_hides_no_velocity(frequency, noise, parts):
         grid.take(finder, 0, time[k], d[k])
         grid.take(finder, 1, time[k], 5.0)
         before = finder.grid_count
-        grid.advance(finder)
+        grid.advance(finder, NOISY)
         if finder.grid_count == before:
             continue
         centre = finder.grid_next - finder.grid_step

@@ -9,6 +9,8 @@ import hc_estimator as hc
 from hc_estimator.multiple_model import grid, smoothing
 from hc_estimator.multiple_model.delay_records import NEIGHBOURS
 
+NOISY = np.array([1e6, 1e6])  # variances beside which a parabola leaves nothing
+
 
 def window(displacement, force, rate):
     """Finder with one full window of points of the given readings, smoothed."""
@@ -17,7 +19,7 @@ def window(displacement, force, rate):
     for k in range(displacement.size):
         grid.take(finder, 0, k / rate, displacement[k])
         grid.take(finder, 1, k / rate, force[k])
-        if grid.advance(finder):
+        if grid.advance(finder, NOISY):
             smoothing.smooth(finder)
             return finder
     raise AssertionError("no window became full")
@@ -93,7 +95,7 @@ def gridded(displacement, rate):
     for k in range(displacement.size):
         grid.take(finder, 0, k / rate, displacement[k])
         grid.take(finder, 1, k / rate, 0.0)
-        grid.advance(finder)
+        grid.advance(finder, NOISY)
     return finder, finder.grid_count - 1 - finder.neighbours
 
 

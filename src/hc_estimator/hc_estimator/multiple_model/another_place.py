@@ -33,9 +33,9 @@ from hc_estimator.multiple_model import (
     place_prior,
 )
 from hc_estimator.multiple_model.delay_records import GRID
-from hc_estimator.multiple_model.history import TOUCHING
 from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, OWN, SURFACE
 from hc_estimator.multiple_model.kalman import force_at, probability
+from hc_estimator.multiple_model.local_polynomial import TOUCHING
 from hc_estimator.multiple_model.model_error import THRESHOLD
 from hc_estimator.multiple_model.place_fit import POSITION
 from hc_estimator.multiple_model.place_prior import CONSISTENT, FEWEST, HEIGHT_DEVIATION, OUT_TIME

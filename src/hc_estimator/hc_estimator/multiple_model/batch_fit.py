@@ -35,6 +35,7 @@ from hc_estimator.multiple_model.fit_covariance import (
 )
 from hc_estimator.multiple_model.hypotheses import FITTED, LOG_STIFFNESS
 from hc_estimator.multiple_model.levenberg_marquardt import improve
+from hc_estimator.multiple_model.local_polynomial import QUARTIC, SLOPE_NOISE
 from hc_estimator.multiple_model.model_error import SMALLEST_SHARE
 from hc_estimator.multiple_model.normal_equations import (
     add_prior,
@@ -48,7 +49,7 @@ from hc_estimator.multiple_model.rows import cut, guess_of, is_held, seed
 PASSES = 5  # of Levenberg-Marquardt with other weights, at most
 SETTLED = 1.1  # misfit that gave the weights over what is left, up to which they hold
 LARGEST_SHARE_OF_NOISE = 0.3  # in what the points say of B / K and p
-CUBIC_NOISE = 5.25  # variance of what a cubic adds to a slope over that of the slope
+CUBIC_NOISE = SLOPE_NOISE - 1.0  # variance of what a cubic adds to a slope over the slope's
 CUBIC_EVIDENCE = 4.0  # squared deviations at which half of that is used
 FEWEST = 20  # remembered points that make a fit
 SHARE = 1.0 / 16.0  # of the time in contact so far after which the fit is made anew
@@ -147,7 +148,7 @@ def _share_cubic(history: Any, variance: float, independent: float) -> None:
     first = histories.oldest(history)
     for k in range(first, history.count):
         point = history.points[k % POINTS]
-        if point[9] > 1.0:
+        if point[9] == QUARTIC:
             continue  # the slope of a quartic has it already
         count += 1
         squares += point[4] * point[4]

@@ -19,13 +19,12 @@ from hc_estimator.linear_algebra import clear_vector, copy_vector
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model import smoothing
 from hc_estimator.multiple_model.delay_records import GRID
-from hc_estimator.multiple_model.local_polynomial import QUARTIC, VALUE_NOISE
+from hc_estimator.multiple_model.local_polynomial import QUARTIC, TOUCHING
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.spline_records import MEMORIES
 
 LONGEST = 0.02  # time between two remembered points [s]
 LEAST_DEPTH = 0.02  # [mm]
-TOUCHING = 5.0  # deviations of the force below which it may be none
 # Of a point: what its velocity for `zero_fit` is from. Unknown where the tissue may let go.
 UNKNOWN, WIDE, NARROW = 0.0, 1.0, 2.0
 FEWEST_KNOWN = 60  # points whose velocity is known, for a fit with splines or zeros
@@ -124,7 +123,7 @@ def learn(history: Any, finder: Any, noise: Any) -> bool:
     point[7] = WIDE if finder.neighbours < smoothing.FEWEST_NEIGHBOURS else UNKNOWN
     # Not that of the grid's point: when the delay goes on to the next one, times would jump.
     point[8] = grids.time_of(finder, there) + rest
-    point[9] = VALUE_NOISE if place[7] == QUARTIC else 1.0
+    point[9] = place[7]
     for i in range(MEMORIES):
         point[MEMORY + i] = history.memory[i]
     history.count += 1
@@ -237,7 +236,7 @@ def share_of_quartics(history: Any) -> float:
     first = oldest(history)
     count = 0
     for k in range(first, history.count):
-        count += 1 if history.points[k % POINTS, 9] > 1.0 else 0
+        count += 1 if history.points[k % POINTS, 9] == QUARTIC else 0
     return count / float(max(history.count - first, 1))
 
 

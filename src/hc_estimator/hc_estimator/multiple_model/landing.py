@@ -34,11 +34,11 @@ from hc_estimator.multiple_model.kalman import (
     exp_limited,
     use_depth,
 )
+from hc_estimator.multiple_model.local_polynomial import TOUCHING
 
 KNOWN, AIR, LANDS = 0, 1, 2
 SURE = 2.0  # deviations of the depth from which on the tool touches for certain
 LIKELY = 3.0  # the same that the surface may be off
-TOUCHING = 5.0  # deviations of the force sensor from which on it touches
 LARGEST_SHARE = 0.5  # of the depth, as its deviation by the first force
 DRAG_SHARE = 0.2  # of the force, as the deviation that damping makes
 

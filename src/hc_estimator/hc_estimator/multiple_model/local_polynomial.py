@@ -1,12 +1,11 @@
 """A polynomial through raw readings: a parabola, or a quartic where that leaves more than noise.
 
 Local polynomial regression (Savitzky and Golay, Anal. Chem. 36, 1964, for uneven times) trades
-noise against what it flattens of the motion. A parabola through 30 ms of readings flattens quick
-taps by more than the noise of a good sensor, and the more readings there are between two turns the
-less it does: a quartic of the same width flattens them some thirty times less, and its value has
-1.6 times the variance. It is taken where the parabola leaves more than the noise does. (With
-parabolas alone a sensor of 0.8 um and 1.6 mN knew less than one of 4 um and 8 mN: so few points
-were left of quick taps at 200 Hz that zeros were never asked for; `test_fine_sensors.py`.)
+noise against what it flattens. A parabola through 30 ms of readings flattens quick taps by more
+than the noise of a good sensor: those points fitted nothing, and were thrown away. A quartic of the
+same width flattens next to nothing there, and its values have 1.6 times the variance. It is taken
+where a parabola leaves more than noise. (Of quick taps at 125 to 500 Hz with the zeros off, a
+sensor of 0.3 um and 0.5 mN told K 20 to 70 % wrong, and said so; `test_fine_sensors.py`.)
 """
 
 from __future__ import annotations
@@ -25,11 +24,18 @@ EDGE = 1.0 + SLACK
 FEWEST_READINGS = 7  # in it
 LEAST_OWN = 1e-3  # of x^3 that no parabola shows, up to which a cubic says nothing
 TERMS = 5  # of a quartic
+TOUCHING = 5.0  # deviations of the force below which it may be none
 CHANCE = 3.0  # deviations of what noise alone leaves, beyond which a parabola does not fit
-QUADRATIC, QUARTIC = 2, 4
+QUADRATIC, QUARTIC = 2, 4  # degrees
 # Variances of a quartic's value and slope over those of a parabola's (dense readings).
 VALUE_NOISE = 25.0 / 16.0
 SLOPE_NOISE = 25.0 / 4.0
+
+
+@compiled
+def value_noise(degree: float) -> float:
+    """Variance of a value over that of a parabola's."""
+    return VALUE_NOISE if degree == QUARTIC else 1.0
 
 
 @compiled
@@ -141,12 +147,18 @@ def _quartic(finder: Any, channel: int, centre: float, half: float) -> None:
 
 
 @compiled
+def _is_touching(finder: Any, half: float, noise: float) -> bool:
+    """True if the force is none nowhere in a parabola: the corner at a touch is no quartic."""
+    rise = abs(finder.fitted_to[1, 1]) * half
+    return bool(finder.fitted_to[1, 0] - rise > TOUCHING * math.sqrt(noise))
+
+
+@compiled
 def fit(finder: Any, centre: float, half: float, noise: Any) -> int:
     """Fit the readings of both channels about a time, in finder.fitted_to.
 
     Value, slope, second derivative, mean square left, and what a cubic would add to the slope. Both
-    by a quartic, if one of them asks for it: what is flattened of the motion and not of the force
-    looks like a delay.
+    by a quartic if one of them asks for it, for what is flattened of one alone looks like a delay.
 
     Args:
         finder: changed.
@@ -163,7 +175,8 @@ def fit(finder: Any, centre: float, half: float, noise: Any) -> int:
         if readings == 0:
             return 0
         by_chance = 1.0 + CHANCE * math.sqrt(2.0 / max(readings - 3, 1))
-        if finder.fitted_to[channel, 3] > by_chance * noise[channel]:
+        bends = finder.fitted_to[channel, 3] > by_chance * noise[channel]
+        if bends and (channel == 0 or _is_touching(finder, half, noise[1])):
             degree = QUARTIC
     if degree == QUARTIC:
         for channel in range(2):

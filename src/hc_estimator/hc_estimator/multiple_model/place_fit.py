@@ -29,6 +29,7 @@ from hc_estimator.multiple_model.levenberg_marquardt import (
     solve,
     step,
 )
+from hc_estimator.multiple_model.local_polynomial import value_noise
 from hc_estimator.multiple_model.normal_equations import law_at, velocity_at
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import is_held
@@ -99,8 +100,9 @@ def weigh(
         _law(settings, place, values, history, motion)
         variance = noise[1] + gradient[0] * gradient[0] * noise[0]
         drag = gradient[1] * gradient[1]
-        of_depth = motion[9] * gradient[0] * gradient[0] * noise[0]
-        own = noise[2] * (point[9] * noise[1] + of_depth) + drag * history.velocity_std[0] ** 2
+        own = value_noise(point[9]) * noise[1]
+        own += value_noise(motion[9]) * gradient[0] * gradient[0] * noise[0]
+        own = noise[2] * own + drag * history.velocity_std[0] ** 2
         variance += drag * history.velocity_noise[0]
         law = (exp_limited(values[0]), exp_limited(values[1]), values[2], values[3])
         velocity = velocity_at(history, motion) - values[DELAY] * motion[6]

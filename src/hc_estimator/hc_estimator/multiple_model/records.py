@@ -182,9 +182,8 @@ HISTORY = record_type(
     (
         # Ring: depth [mm], velocity [mm/s], force [N], weight in the fit [1/N^2], what a cubic adds
         # to the velocity [mm/s]; velocity and acceleration by a wide cubic [mm/s, mm/s^2], or by a
-        # narrow one (see `history.WIDE`), which it is, the time of the displacement [s], how
-        # noisy its values are (variance over that of a parabola's), and what the memories of the
-        # force held then [N].
+        # narrow one (see `history.WIDE`), which it is, the time of the displacement [s], the
+        # degree (see `local_polynomial`), and what the memories of the force held then [N].
         Field("points", np.float64, (POINTS, 10 + MEMORIES)),
         Field("realigned", np.float64),  # by how much the delay was corrected beneath them [s]
         Field("memory", np.float64, (MEMORIES,)),  # the same now

@@ -24,6 +24,7 @@ from hc_estimator.multiple_model.levenberg_marquardt import (
     solve,
     step,
 )
+from hc_estimator.multiple_model.local_polynomial import value_noise
 from hc_estimator.multiple_model.normal_equations import law_at
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import (
@@ -149,13 +150,13 @@ def weigh(settings: Any, history: Any, fit: Any, noise: tuple[float, float, floa
         variance = noise[1] + gradient[0] * gradient[0] * noise[0]
         drag, cubic = gradient[1] * gradient[1], int(place[7])
         variance += drag * history.velocity_noise[cubic]
-        of_motion = gradient[0] * gradient[0] * place[9] * noise[2] * noise[0]
+        of_motion = gradient[0] * gradient[0] * value_noise(place[9]) * noise[2] * noise[0]
         of_motion += drag * history.velocity_std[cubic] ** 2
         taken = 1.0 - noise_left(history, fit, number, fit.values[DELAY])
         missed = _missed(settings, history, fit, place, tool)
         point[3] = 1.0 / (variance + missed)
         log_missed += noise[2] * math.log1p(missed / variance)
-        of_force = point[9] * noise[2] * noise[1]
+        of_force = value_noise(point[9]) * noise[2] * noise[1]
         expected += point[3] * (of_force + missed + of_motion * (1.0 - taken))
         averaged += point[3] * of_motion * taken
     fit.log_missed = log_missed
