@@ -19,7 +19,7 @@ from hc_estimator.linear_algebra import clear_vector, copy_vector
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model import smoothing
 from hc_estimator.multiple_model.delay_records import GRID
-from hc_estimator.multiple_model.local_polynomial import QUARTIC, TOUCHING
+from hc_estimator.multiple_model.local_polynomial import QUARTIC, SMOOTH, TOUCHING
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.spline_records import MEMORIES
 
@@ -28,7 +28,6 @@ LEAST_DEPTH = 0.02  # [mm]
 # Of a point: what its velocity for `zero_fit` is from. Unknown where the tissue may let go.
 UNKNOWN, WIDE, NARROW = 0.0, 1.0, 2.0
 FEWEST_KNOWN = 60  # points whose velocity is known, for a fit with splines or zeros
-SMOOTH = 4.0  # mean square left by a parabola over the noise up to which it fits
 MEMORY = 10  # the first of a point's memories of the force
 # Time constants of those [s]. A tissue that relaxes in a sum of exponentials pushes with a law of
 # the depth less a sum of such means of its past force; half a decade apart they are dense enough.
