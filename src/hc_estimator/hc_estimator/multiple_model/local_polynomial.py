@@ -4,7 +4,7 @@ Local polynomial regression (Savitzky and Golay, Anal. Chem. 36, 1964, for uneve
 noise against what it flattens. A parabola through 30 ms of readings flattens quick taps by more
 than the noise of a good sensor: those points fitted nothing, and were thrown away. A quartic of the
 same width flattens next to nothing there, and its values have 1.6 times the variance. It is taken
-where no parabola fits. (Of quick taps at 125 to 500 Hz with the zeros off, a
+where a parabola leaves more than noise. (Of quick taps at 125 to 500 Hz with the zeros off, a
 sensor of 0.3 um and 0.5 mN told K 20 to 70 % wrong, and said so; `test_fine_sensors.py`.)
 """
 
@@ -26,6 +26,9 @@ LEAST_OWN = 1e-3  # of x^3 that no parabola shows, up to which a cubic says noth
 TERMS = 5  # of a quartic
 TOUCHING = 5.0  # deviations of the force below which it may be none
 SMOOTH = 4.0  # mean square left over the noise up to which a polynomial fits
+# Deviations of what noise leaves a parabola, by its cube root (Wilson and Hilferty, PNAS 17, 1931),
+# beyond which it flattens something: one in three hundred; `SMOOTH` for the fewest readings.
+SURELY = 2.75
 QUADRATIC, QUARTIC = 2, 4  # degrees
 # Variances of a quartic's value and slope over those of a parabola's (dense readings).
 VALUE_NOISE = 25.0 / 16.0
@@ -39,8 +42,8 @@ def value_noise(degree: float) -> float:
 
 
 @compiled
-def _parabola(finder: Any, channel: int, centre: float, half: float) -> bool:
-    """Least-squares parabola about a time, in finder.fitted_to; False if readings are few.
+def _parabola(finder: Any, channel: int, centre: float, half: float) -> int:
+    """Least-squares parabola about a time, in finder.fitted_to; its readings, 0 if they are few.
 
     Value, slope, second derivative, mean square left, and what a cubic would add to the slope.
     """
@@ -76,11 +79,11 @@ def _parabola(finder: Any, channel: int, centre: float, half: float) -> bool:
         y3 += cube * y
         squares += y * y
     if min(before, after) < FEWEST_READINGS // 2:
-        return False
+        return 0
     c00, c01, c02 = s2 * s4 - s3 * s3, s2 * s3 - s1 * s4, s1 * s3 - s2 * s2
     determinant = s0 * c00 + s1 * c01 + s2 * c02
     if not determinant > 0.0:
-        return False
+        return 0
     c11, c12, c22 = s0 * s4 - s2 * s2, s1 * s2 - s0 * s3, s0 * s2 - s1 * s1
     a = (c00 * y0 + c01 * y1 + c02 * y2) / determinant
     b = (c01 * y0 + c11 * y1 + c12 * y2) / determinant
@@ -97,7 +100,7 @@ def _parabola(finder: Any, channel: int, centre: float, half: float) -> bool:
     own = s6 - a * s3 - b * s4 - c * s5
     share = (y3 - a * y0 - b * y1 - c * y2) / own if own > LEAST_OWN * s6 else 0.0
     finder.fitted_to[channel, 4] = -share * b / half
-    return True
+    return int(s0)
 
 
 @compiled
@@ -147,6 +150,13 @@ def _quartic(finder: Any, channel: int, centre: float, half: float) -> None:
 
 
 @compiled
+def _most_by_noise(freedom: int) -> float:
+    """Mean square that noise alone leaves a parabola at most, over that of a reading."""
+    spread = 2.0 / (9.0 * max(freedom, 1))
+    return min((1.0 - spread + SURELY * math.sqrt(spread)) ** 3, SMOOTH)
+
+
+@compiled
 def _is_touching(finder: Any, half: float, noise: float) -> bool:
     """True if the force is none nowhere in a parabola: the corner at a touch is no quartic."""
     rise = abs(finder.fitted_to[1, 1]) * half
@@ -171,9 +181,10 @@ def fit(finder: Any, centre: float, half: float, noise: Any) -> int:
     """
     degree = QUADRATIC
     for channel in range(2):
-        if not _parabola(finder, channel, centre, half):
+        readings = _parabola(finder, channel, centre, half)
+        if readings == 0:
             return 0
-        bends = finder.fitted_to[channel, 3] > SMOOTH * noise[channel]
+        bends = finder.fitted_to[channel, 3] > _most_by_noise(readings - 3) * noise[channel]
         if bends and (channel == 0 or _is_touching(finder, half, noise[1])):
             degree = QUARTIC
     if degree == QUARTIC:
