@@ -35,7 +35,6 @@ from hc_estimator.multiple_model.fit_covariance import (
 )
 from hc_estimator.multiple_model.hypotheses import FITTED, LOG_STIFFNESS
 from hc_estimator.multiple_model.levenberg_marquardt import improve
-from hc_estimator.multiple_model.local_polynomial import QUARTIC, SLOPE_NOISE
 from hc_estimator.multiple_model.model_error import SMALLEST_SHARE
 from hc_estimator.multiple_model.normal_equations import (
     add_prior,
@@ -49,7 +48,7 @@ from hc_estimator.multiple_model.rows import cut, guess_of, is_held, seed
 PASSES = 5  # of Levenberg-Marquardt with other weights, at most
 SETTLED = 1.1  # misfit that gave the weights over what is left, up to which they hold
 LARGEST_SHARE_OF_NOISE = 0.3  # in what the points say of B / K and p
-CUBIC_NOISE = SLOPE_NOISE - 1.0  # variance of what a cubic adds to a slope over the slope's
+CUBIC_NOISE = 5.25  # variance of what a cubic adds to a slope over that of the slope
 CUBIC_EVIDENCE = 4.0  # squared deviations at which half of that is used
 FEWEST = 20  # remembered points that make a fit
 SHARE = 1.0 / 16.0  # of the time in contact so far after which the fit is made anew
@@ -144,17 +143,13 @@ def _share_cubic(history: Any, variance: float, independent: float) -> None:
         variance: of a parabola's slope [mm^2/s^2].
         independent: number of points whose errors are independent of one another.
     """
-    squares, along, speeds, count = 0.0, 0.0, 0.0, 0
-    first = histories.oldest(history)
+    squares, along, speeds, first = 0.0, 0.0, 0.0, histories.oldest(history)
     for k in range(first, history.count):
         point = history.points[k % POINTS]
-        if point[9] == QUARTIC:
-            continue  # the slope of a quartic has it already
-        count += 1
         squares += point[4] * point[4]
         along += point[1] * point[4]
         speeds += point[1] * point[1]
-    independent *= count / max(history.count - first, 1)
+    count = history.count - first
     noise = CUBIC_NOISE * variance
     # Both are squares of what is normal, with a deviation of one, if there is only noise.
     slope = along * along * independent / max(noise * speeds * count, 1e-300)
@@ -175,8 +170,7 @@ def _take_velocity_noise(bank: Any, independent: float) -> None:
     spacing, width = finder.grid_step * history.every, finder.grid_width
     variance = grids.velocity_variance(finder, noise)
     _share_cubic(history, variance, independent)
-    quartics = histories.share_of_quartics(history)
-    noisier = 1.0 + CUBIC_NOISE * ((1.0 - quartics) * history.cubic_share**2 + quartics)
+    noisier = 1.0 + CUBIC_NOISE * history.cubic_share**2
     history.velocity_std[0] = math.sqrt(noisier * variance)
     history.velocity_noise[0] = noisier * variance * width / spacing
     variance *= 1.0 + CUBIC_NOISE

@@ -19,7 +19,7 @@ from hc_estimator.linear_algebra import clear_vector, copy_vector
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model import smoothing
 from hc_estimator.multiple_model.delay_records import GRID
-from hc_estimator.multiple_model.local_polynomial import QUARTIC, SMOOTH, TOUCHING
+from hc_estimator.multiple_model.local_polynomial import SMOOTH, TOUCHING
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.spline_records import MEMORIES
 
@@ -227,16 +227,6 @@ def of_place(history: Any) -> int:
 def forget_older_half(history: Any) -> None:
     """Begin with the latest half of the points: no law fits all of them."""
     history.first = (oldest(history) + history.count) // 2
-
-
-@compiled
-def share_of_quartics(history: Any) -> float:
-    """Share of the points that are of quartics."""
-    first = oldest(history)
-    count = 0
-    for k in range(first, history.count):
-        count += 1 if history.points[k % POINTS, 9] == QUARTIC else 0
-    return count / float(max(history.count - first, 1))
 
 
 @compiled

@@ -30,9 +30,7 @@ SMOOTH = 4.0  # mean square left over the noise up to which a polynomial fits
 # beyond which it flattens something: one in three hundred; `SMOOTH` for the fewest readings.
 SURELY = 2.75
 QUADRATIC, QUARTIC = 2, 4  # degrees
-# Variances of a quartic's value and slope over those of a parabola's (dense readings).
-VALUE_NOISE = 25.0 / 16.0
-SLOPE_NOISE = 25.0 / 4.0
+VALUE_NOISE = 25.0 / 16.0  # variance of a quartic's value over that of a parabola's
 
 
 @compiled
@@ -105,7 +103,10 @@ def _parabola(finder: Any, channel: int, centre: float, half: float) -> int:
 
 @compiled
 def _quartic(finder: Any, channel: int, centre: float, half: float) -> None:
-    """A quartic in place of a parabola, unless the readings do not determine it."""
+    """Value, bend and what is left by a quartic, unless the readings do not determine it.
+
+    Its slope is the parabola's and what a cubic adds: who uses it says how much of that is noise.
+    """
     count, normal, solution = finder.raw_count[channel], finder.normal_of_quartic, finder.quartic
     clear_matrix(normal)
     clear_vector(solution)
@@ -143,10 +144,9 @@ def _quartic(finder: Any, channel: int, centre: float, half: float) -> None:
             solution[i] -= normal[k, i] * solution[k]
         solution[i] /= normal[i, i]
     finder.fitted_to[channel, 0] = reference + solution[0]
-    finder.fitted_to[channel, 1] = solution[1] / half
+    finder.fitted_to[channel, 4] = solution[1] / half - finder.fitted_to[channel, 1]
     finder.fitted_to[channel, 2] = 2.0 * solution[2] / (half * half)
     finder.fitted_to[channel, 3] = max(squares, 0.0) / (readings - TERMS)
-    finder.fitted_to[channel, 4] = 0.0
 
 
 @compiled
