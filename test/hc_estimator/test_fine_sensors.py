@@ -2,7 +2,7 @@
 
 Regression of 2026-11-28. A parabola through 30 ms of readings flattens taps at 2.3 Hz by more than
 the noise of a good sensor. Such points fitted nothing and were thrown away, so that a force sensor
-of 0.5 mN that nobody had tared told K 20 to 70 % wrong (and said that the law did not fit) where one
+of 0.5 mN that nobody had tared told K 20 to 70 % wrong (and said that no law fitted) where one
 of 8 mN had it right. With quartics the better sensor knows more (`local_polynomial`).
 """
 

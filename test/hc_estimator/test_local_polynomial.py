@@ -80,13 +80,13 @@ def test_a_motion_that_a_parabola_flattens_is_not_flattened():
 
 def test_a_force_that_a_parabola_flattens_is_not_flattened():
     time = 0.005 * np.arange(-3, 4)
-    force = 5.0 + np.cos(2.0 * np.pi * 10.0 * time)
+    force = 5.0 + 0.9 * np.cos(2.0 * np.pi * 20.0 * time)
     degree, found = fitted(time, 2.0 + time, force, half=0.0175)
     assert degree == QUARTIC
-    assert found[1, PLACE] == pytest.approx(6.0, abs=2e-3)
+    assert found[1, PLACE] == pytest.approx(5.9, abs=0.02)
     degree, found = fitted(time, 2.0 + time, force, noise=np.array([1.0, 1.0]), half=0.0175)
     assert degree == QUADRATIC
-    assert found[1, PLACE] < 5.98
+    assert found[1, PLACE] < 5.85
 
 
 def test_both_channels_have_the_degree_that_one_of_them_asks_for():

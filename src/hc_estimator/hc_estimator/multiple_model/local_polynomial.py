@@ -27,8 +27,9 @@ TERMS = 5  # of a quartic
 TOUCHING = 5.0  # deviations of the force below which it may be none
 SMOOTH = 4.0  # mean square left over the noise up to which a polynomial fits
 # Deviations of what noise leaves a parabola, by its cube root (Wilson and Hilferty, PNAS 17, 1931),
-# beyond which it flattens something: one in three hundred; `SMOOTH` for the fewest readings.
-SURELY = 2.75
+# beyond which it flattens something: one point in 30,000. By chance are those where it would follow
+# the noise.
+SURELY = 4.0
 QUADRATIC, QUARTIC = 2, 4  # degrees
 VALUE_NOISE = 25.0 / 16.0  # variance of a quartic's value over that of a parabola's
 
@@ -153,7 +154,7 @@ def _quartic(finder: Any, channel: int, centre: float, half: float) -> None:
 def _most_by_noise(freedom: int) -> float:
     """Mean square that noise alone leaves a parabola at most, over that of a reading."""
     spread = 2.0 / (9.0 * max(freedom, 1))
-    return min((1.0 - spread + SURELY * math.sqrt(spread)) ** 3, SMOOTH)
+    return (1.0 - spread + SURELY * math.sqrt(spread)) ** 3
 
 
 @compiled
