@@ -95,6 +95,7 @@ OWNERS = {
     "delay": (
         "multiple_model/delay",
         "multiple_model/grid",
+        "multiple_model/local_polynomial",
         "multiple_model/smoothing",
         "multiple_model/delay_points",
         "multiple_model/delay_candidates",

@@ -26,10 +26,12 @@ LEAST_OWN = 1e-3  # of x^3 that no parabola shows, up to which a cubic says noth
 TERMS = 5  # of a quartic
 TOUCHING = 5.0  # deviations of the force below which it may be none
 SMOOTH = 4.0  # mean square left over the noise up to which a polynomial fits
-# Deviations of what noise leaves a parabola, by its cube root (Wilson and Hilferty, PNAS 17, 1931),
-# beyond which it flattens something: one point in 30,000. By chance are those where it would follow
-# the noise.
-SURELY = 4.0
+# Deviations of what noise leaves, by its cube root (Wilson and Hilferty, PNAS 17, 1931): beyond the
+# first a parabola flattens something (by chance, a quartic would follow the noise), beyond the
+# second a quartic does not fit. It leaves half as much of a corner of the motion as a parabola
+# does, and its slope is as wrong there: ramps have shown no zero with those among the points.
+FLATTENS = 4.0
+FOLLOWS = 2.0
 QUADRATIC, QUARTIC = 2, 4  # degrees
 VALUE_NOISE = 25.0 / 16.0  # variance of a quartic's value over that of a parabola's
 
@@ -38,6 +40,13 @@ VALUE_NOISE = 25.0 / 16.0  # variance of a quartic's value over that of a parabo
 def value_noise(degree: float) -> float:
     """Variance of a value over that of a parabola's."""
     return VALUE_NOISE if degree == QUARTIC else 1.0
+
+
+@compiled
+def _most_by_noise(freedom: int, deviations: float) -> float:
+    """Mean square that noise alone leaves at most, over that of a reading."""
+    spread = 2.0 / (9.0 * max(freedom, 1))
+    return (1.0 - spread + deviations * math.sqrt(spread)) ** 3
 
 
 @compiled
@@ -106,6 +115,8 @@ def _parabola(finder: Any, channel: int, centre: float, half: float) -> int:
 def _quartic(finder: Any, channel: int, centre: float, half: float) -> None:
     """Value, bend and what is left by a quartic, unless the readings do not determine it.
 
+    What is left in units in which it fits up to `SMOOTH` times the noise, as a parabola does.
+
     Its slope is the parabola's and what a cubic adds: who uses it says how much of that is noise.
     """
     count, normal, solution = finder.raw_count[channel], finder.normal_of_quartic, finder.quartic
@@ -147,14 +158,9 @@ def _quartic(finder: Any, channel: int, centre: float, half: float) -> None:
     finder.fitted_to[channel, 0] = reference + solution[0]
     finder.fitted_to[channel, 4] = solution[1] / half - finder.fitted_to[channel, 1]
     finder.fitted_to[channel, 2] = 2.0 * solution[2] / (half * half)
-    finder.fitted_to[channel, 3] = max(squares, 0.0) / (readings - TERMS)
-
-
-@compiled
-def _most_by_noise(freedom: int) -> float:
-    """Mean square that noise alone leaves a parabola at most, over that of a reading."""
-    spread = 2.0 / (9.0 * max(freedom, 1))
-    return (1.0 - spread + SURELY * math.sqrt(spread)) ** 3
+    freedom = readings - TERMS
+    left = max(squares, 0.0) / freedom
+    finder.fitted_to[channel, 3] = left * SMOOTH / _most_by_noise(freedom, FOLLOWS)
 
 
 @compiled
@@ -185,7 +191,8 @@ def fit(finder: Any, centre: float, half: float, noise: Any) -> int:
         readings = _parabola(finder, channel, centre, half)
         if readings == 0:
             return 0
-        bends = finder.fitted_to[channel, 3] > _most_by_noise(readings - 3) * noise[channel]
+        most = _most_by_noise(readings - 3, FLATTENS)
+        bends = finder.fitted_to[channel, 3] > most * noise[channel]
         if bends and (channel == 0 or _is_touching(finder, half, noise[1])):
             degree = QUARTIC
     if degree == QUARTIC:
