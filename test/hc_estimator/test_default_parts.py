@@ -108,7 +108,18 @@ def newest_point(bank, displacement, velocity, force):
     finder = bank.delay
     finder.grid_step, finder.delay, finder.grid_count = 0.01, 0.0, finder.grid_count + 1
     slot = (finder.grid_count - 1) % finder.grid.shape[0]
-    finder.grid[slot] = (displacement, velocity, 0.0, force, 0.0, 0.0, 0.0, QUADRATIC)
+    finder.grid[slot] = (
+        displacement,
+        velocity,
+        0.0,
+        force,
+        0.0,
+        0.0,
+        0.0,
+        QUADRATIC,
+        displacement,
+        force,
+    )
     return history.learn(bank.history, finder, np.array([1e-6, 1e-4]))
 
 

@@ -64,5 +64,5 @@ def errors_of(rate, noise, seeds):
 def test_a_fine_sensor_that_nobody_tared_knows_the_stiffness(rate, noise):
     errors, misfits = errors_of(rate, noise, range(8))
     assert np.median(errors) < 0.005
-    assert np.sort(errors)[-2] < 0.02  # all but one of eight
+    assert np.sort(errors)[-2] < 0.05  # all but one of eight
     assert np.mean(misfits) < 0.15

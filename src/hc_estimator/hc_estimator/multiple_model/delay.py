@@ -32,7 +32,6 @@ from hc_estimator.multiple_model.delay_candidates import LEAD
 from hc_estimator.multiple_model.delay_evidence import CORRECTION, FAR
 from hc_estimator.multiple_model.delay_points import count_of
 from hc_estimator.multiple_model.delay_records import CANDIDATES
-from hc_estimator.multiple_model.local_polynomial import VALUE_NOISE
 
 APART = 0.012  # delays further apart are rivals [s]
 RIVAL = 4.0  # log likelihood ratio to the best rival
@@ -174,9 +173,6 @@ def _take_points(finder: Any, sensor_noise: Any) -> None:
     for i in range(2):
         finder.depth_noise[i] = _value_variance(finder, 0, widths[i], noise)
         finder.force_noise[i] = _value_variance(finder, 1, widths[i], sensor_noise[1])
-    noisier = 1.0 + grids.share_of_quartics(finder) * (VALUE_NOISE - 1.0)
-    finder.depth_noise[1] *= noisier
-    finder.force_noise[1] *= noisier
     velocities = finder.velocity_noise
     velocities[2] = grids.velocity_variance(finder, noise)
     velocities[0] = velocities[1] = velocities[2]

@@ -89,10 +89,18 @@ def take(finder: Any) -> None:
     quick, noise = 0, velocities[0] + velocities[1]
     if finder.neighbours >= smoothing.FEWEST_NEIGHBOURS:
         quick = 1 if _differ(finder, smooths, 1, smooths, smoothing.BY_CUBIC, noise) else 0
+    force = smoothing.BY_PARABOLA + 1
     column = smoothing.BY_CUBIC if quick != 0 else 1
-    bends = _differ(finder, smooths, 0, grid, 0, finder.depth_noise[0] + finder.depth_noise[1])
+    bends = _differ(
+        finder,
+        smooths,
+        0,
+        grid,
+        smoothing.BY_PARABOLA,
+        finder.depth_noise[0] + finder.depth_noise[1],
+    )
     bends = bends or _differ(finder, smooths, column, grid, 1, velocities[quick] + velocities[2])
-    sharp = not bends and _differ(finder, smooths, 3, grid, 3, forces[0] + forces[1])
+    sharp = not bends and _differ(finder, smooths, 3, grid, force, forces[0] + forces[1])
     for k in range(finder.points):
         if finder.in_contact[k] == 0:
             continue
@@ -110,8 +118,8 @@ def take(finder: Any) -> None:
             point[2] = math.copysign(speed, velocity)
         for i in range(4):
             near = (here + i - 1) % GRID
-            finder.point_forces[slot, i] = grid[near, 3] if sharp else smooths[near, 3]
-        flattened = (smooths[here % GRID, 3] - grid[here % GRID, 3]) ** 2
+            finder.point_forces[slot, i] = grid[near, force] if sharp else smooths[near, 3]
+        flattened = (smooths[here % GRID, 3] - grid[here % GRID, force]) ** 2
         flattened = max(flattened - SURELY * forces[1], 0.0)
         finder.point_force[slot, 2] = velocities[quick]
         finder.point_force[slot, 3] = forces[1] if sharp else forces[0] + flattened

@@ -26,8 +26,8 @@ DELAY = record_type(
         Field("raw_value", np.float64, (2, RAW)),  # [mm], [N]
         Field("raw_count", np.int64, (2,), 0),
         # Ring: displacement, velocity, acceleration, force; mean squares left by the polynomials;
-        # what a cubic adds to the velocity; their degree.
-        Field("grid", np.float64, (GRID, 8)),
+        # what a cubic adds to the velocity; their degree; displacement and force by parabolas.
+        Field("grid", np.float64, (GRID, 10)),
         Field("grid_count", np.int64, (), 0),
         Field("grid_step", np.float64),  # [s]
         Field("grid_width", np.float64),  # of the parabolas [s]
@@ -43,7 +43,7 @@ DELAY = record_type(
         Field("smooth", np.float64, (GRID, 4)),
         Field("wide", np.float64, (2,)),  # velocity and acceleration of one point by a wide cubic
         Field("in_contact", np.int64, (GRID,), 0, 1),
-        Field("fitted_to", np.float64, (2, 5)),  # displacement and force; see `local_polynomial`
+        Field("fitted_to", np.float64, (2, 6)),  # displacement and force; see `local_polynomial`
         Field("normal_of_quartic", np.float64, (5, 5)),
         Field("quartic", np.float64, (5,)),
         # Points that are kept, a ring; see `delay_points`. By the candidate: d, ln |v|, v.

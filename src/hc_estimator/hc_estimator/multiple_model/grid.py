@@ -14,7 +14,7 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import delay_points, local_polynomial, smoothing
 from hc_estimator.multiple_model.delay_records import CANDIDATES, GRID, RAW
-from hc_estimator.multiple_model.local_polynomial import FEWEST_READINGS, QUARTIC, SLACK
+from hc_estimator.multiple_model.local_polynomial import FEWEST_READINGS, SLACK
 
 STEP = 0.010  # between two points of the grid, at least [s]
 HALF_WIDTH = 0.015  # of the local parabola [s]
@@ -122,15 +122,6 @@ def velocity_variance(finder: Any, noise: float) -> float:
 
 
 @compiled
-def share_of_quartics(finder: Any) -> float:
-    """Share of the points of a full window that are of quartics."""
-    count = 0
-    for k in range(finder.points):
-        count += 1 if finder.grid[(finder.first + k) % GRID, 7] == QUARTIC else 0
-    return float(count / max(finder.points, 1))
-
-
-@compiled
 def time_of(finder: Any, k: int) -> float:
     """Time of a point of the grid [s]."""
     return float(finder.grid_next - finder.grid_step * (finder.grid_count - k))
@@ -178,6 +169,8 @@ def _add_point(finder: Any, centre: float, half: float, noise: Any) -> bool:
     point[5] = force[3]
     point[6] = place[4]
     point[7] = degree
+    point[8] = place[5]
+    point[9] = force[5]
     finder.grid_count += 1
     finder.grid_next += finder.grid_step
     return True

@@ -108,6 +108,7 @@ def _parabola(finder: Any, channel: int, centre: float, half: float) -> int:
     own = s6 - a * s3 - b * s4 - c * s5
     share = (y3 - a * y0 - b * y1 - c * y2) / own if own > LEAST_OWN * s6 else 0.0
     finder.fitted_to[channel, 4] = -share * b / half
+    finder.fitted_to[channel, 5] = finder.fitted_to[channel, 0]
     return int(s0)
 
 
@@ -174,8 +175,10 @@ def _is_touching(finder: Any, half: float, noise: float) -> bool:
 def fit(finder: Any, centre: float, half: float, noise: Any) -> int:
     """Fit the readings of both channels about a time, in finder.fitted_to.
 
-    Value, slope, second derivative, mean square left, and what a cubic would add to the slope. Both
-    by a quartic if one of them asks for it, for what is flattened of one alone looks like a delay.
+    Value, slope, second derivative, mean square left, what a cubic would add to the slope, and the
+    value by a parabola. Both by a quartic if one of them asks for it: what is flattened of one
+    alone looks like a delay. (The finder of the delay takes the parabolas', which flatten both
+    channels alike at any time.)
 
     Args:
         finder: changed.
