@@ -195,7 +195,7 @@ def test_a_surface_found_at_a_glance_is_known_no_better_than_that(tmp_path, caps
     assert main([*shlex.split(commands[-1].partition("hc ")[2]), "--json"]) == 0
     typed = json.loads(capsys.readouterr().out)
     assert typed["parameters"]["stiffness"] == pytest.approx(found.parameters[0], rel=0.02)
-    assert typed["parameters_std"]["stiffness"] == pytest.approx(found.deviations[0], rel=0.2)
+    assert typed["parameters_std"]["stiffness"] == pytest.approx(found.deviations[0], rel=0.4)
 
 
 def test_a_surface_that_the_whole_recording_shows_is_known_as_well_as_that():
