@@ -15,8 +15,8 @@ SECONDS = 16.0
 SETTLED = 8.0  # [s]
 
 
-def taps(seed, rate, noise, zeros_off):
-    """Stamps, readings of both sensors, and K of a tissue that is drawn.
+def taps(seed, rate, noise):
+    """Stamps, readings of both sensors with their zeros off, and K of a tissue that is drawn.
 
     Sines of 1.9 and 0.19 mm, 2.1 to 2.5 and 3.3 times as many Hz, that leave the tissue.
     """
@@ -31,9 +31,8 @@ def taps(seed, rate, noise, zeros_off):
     speed = 1.9 * np.cos(angle * time + first) + 0.627 * np.cos(3.3 * angle * time + second)
     drag = damping * np.sign(speed) * np.abs(angle * speed) ** p
     force = np.maximum(place, 0.0) ** n * np.maximum(stiffness + drag, 0.0)
-    if zeros_off:
-        place = place + draw.choice([-1.0, 1.0]) * draw.uniform(0.05, 0.25)
-        force = force + draw.choice([-1.0, 1.0]) * draw.uniform(0.003, 0.02) * force.max()
+    place = place + draw.choice([-1.0, 1.0]) * draw.uniform(0.05, 0.25)
+    force = force + draw.choice([-1.0, 1.0]) * draw.uniform(0.003, 0.02) * force.max()
     place = place + noise[0] * draw.standard_normal(time.size)
     return time, place, force + noise[1] * draw.standard_normal(time.size), stiffness
 
@@ -42,7 +41,7 @@ def errors_of(rate, noise, seeds):
     """Errors of ln K at 90 % of the settled samples, and shares with a misfit told; by seed."""
     errors, misfits = [], []
     for seed in seeds:
-        time, place, force, stiffness = taps(seed, rate, noise, zeros_off=True)
+        time, place, force, stiffness = taps(seed, rate, noise)
         series = hc.create_estimator("self_tuning_ukf").run(time, place, force)
         late = time > SETTLED
         off = np.abs(np.log(series.parameters[late, 0] / stiffness))
