@@ -49,6 +49,7 @@ PASSES = 5  # of Levenberg-Marquardt with other weights, at most
 SETTLED = 1.1  # misfit that gave the weights over what is left, up to which they hold
 LARGEST_SHARE_OF_NOISE = 0.3  # in what the points say of B / K and p
 CUBIC_NOISE = 5.25  # variance of what a cubic adds to a slope over that of the slope
+SEXTIC_NOISE = 12.0  # variance of the slope of degree six over that of a parabola
 CUBIC_EVIDENCE = 4.0  # squared deviations at which half of that is used
 FEWEST = 20  # remembered points that make a fit
 SHARE = 1.0 / 16.0  # of the time in contact so far after which the fit is made anew
@@ -173,6 +174,8 @@ def _take_velocity_noise(bank: Any, independent: float) -> None:
     noisier = 1.0 + CUBIC_NOISE * history.cubic_share**2
     history.velocity_std[0] = math.sqrt(noisier * variance)
     history.velocity_noise[0] = noisier * variance * width / spacing
+    history.velocity_std[3] = math.sqrt(SEXTIC_NOISE * variance)
+    history.velocity_noise[3] = SEXTIC_NOISE * variance * width / spacing
     variance *= 1.0 + CUBIC_NOISE
     history.velocity_std[2] = math.sqrt(variance)
     history.velocity_noise[2] = variance * width / spacing

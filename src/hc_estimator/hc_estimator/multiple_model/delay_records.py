@@ -6,6 +6,7 @@ import numpy as np
 
 from hc_estimator.memory import Field, record_type
 
+TERMS = 7  # of a local polynomial, at most
 RAW = 256  # readings of each channel, for the local parabolas
 GRID = 80  # points of the grid: a window of half a second at 100 a second, and its margins
 NEIGHBOURS = 4  # points of the grid to either side that a smoothed one is made of, at most
@@ -44,8 +45,12 @@ DELAY = record_type(
         Field("wide", np.float64, (2,)),  # velocity and acceleration of one point by a wide cubic
         Field("in_contact", np.int64, (GRID,), 0, 1),
         Field("fitted_to", np.float64, (2, 6)),  # displacement and force; see `local_polynomial`
-        Field("normal_of_quartic", np.float64, (5, 5)),
-        Field("quartic", np.float64, (5,)),
+        # Sums over readings: powers of the time, those times the reading and its square.
+        Field("powers", np.float64, (2 * TERMS - 1,)),
+        Field("readings", np.float64, (TERMS + 1,)),
+        Field("normal_of_powers", np.float64, (TERMS, TERMS)),  # factored
+        Field("reduced", np.float64, (TERMS,)),
+        Field("polynomial", np.float64, (TERMS,)),
         # Points that are kept, a ring; see `delay_points`. By the candidate: d, ln |v|, v.
         Field("point", np.float64, (DELAY_POINTS, CANDIDATES, 3)),
         # [N]; from a step of the grid before to two after.

@@ -148,16 +148,17 @@ def places_about(finder: Any, time: float, within: float) -> tuple[float, float]
 
 
 @compiled
-def _add_point(finder: Any, centre: float, half: float, noise: Any) -> bool:
+def _add_point(finder: Any, centre: float, half: float, wider: float, noise: Any) -> bool:
     """Add the point of a time to the grid; False if readings are few in either channel.
 
     Args:
         finder: changed.
         centre: time [s].
-        half: half width [s].
+        half: half width of a parabola [s].
+        wider: of a polynomial of more terms [s].
         noise: variances of a reading, shape (2,).
     """
-    degree = local_polynomial.fit(finder, centre, half, noise)
+    degree = local_polynomial.fit(finder, centre, half, wider, noise)
     if degree == 0:
         return False
     point = finder.grid[finder.grid_count % GRID]
@@ -192,7 +193,8 @@ def advance(finder: Any, noise: Any) -> bool:
     half = max(HALF_WIDTH, 0.5 * FEWEST_READINGS * slowest)
     last0 = finder.raw_time[0, (finder.raw_count[0] - 1) % RAW]
     last1 = finder.raw_time[1, (finder.raw_count[1] - 1) % RAW]
-    newest = min(last0, last1) - half
+    wider = local_polynomial.widest(half, slowest)
+    newest = min(last0, last1) - wider
     finder.grid_width = 2.0 * half
     if finder.grid_count == 0:
         _choose_step(finder)
@@ -200,10 +202,12 @@ def advance(finder: Any, noise: Any) -> bool:
     if finder.grid_next > newest + SLACK * half:
         return False
     centre = finder.grid_next
-    if not _add_point(finder, centre, half, noise):
-        if finder.grid_count > 0 and centre > newest - (WIDER - 1.0) * half:
+    if not _add_point(finder, centre, half, wider, noise):
+        if finder.grid_count > 0 and centre > newest + wider - WIDER * half:
             return False  # the readings beyond the gap are still to come
-        if finder.grid_count == 0 or not _add_point(finder, centre, WIDER * half, noise):
+        if finder.grid_count == 0 or not _add_point(
+            finder, centre, WIDER * half, WIDER * half, noise
+        ):
             finder.grid_count = 0
             return False
     reach = min(int(LARGEST / finder.grid_step), CANDIDATES // 2)

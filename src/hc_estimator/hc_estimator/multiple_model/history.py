@@ -19,14 +19,14 @@ from hc_estimator.linear_algebra import clear_vector, copy_vector
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model import smoothing
 from hc_estimator.multiple_model.delay_records import GRID
-from hc_estimator.multiple_model.local_polynomial import SMOOTH, TOUCHING
+from hc_estimator.multiple_model.local_polynomial import SEXTIC, SMOOTH, TOUCHING
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.spline_records import MEMORIES
 
 LONGEST = 0.02  # time between two remembered points [s]
 LEAST_DEPTH = 0.02  # [mm]
 # Of a point: what its velocity for `zero_fit` is from. Unknown where the tissue may let go.
-UNKNOWN, WIDE, NARROW = 0.0, 1.0, 2.0
+UNKNOWN, WIDE, NARROW, OF_SEXTIC = 0.0, 1.0, 2.0, 3.0
 FEWEST_KNOWN = 60  # points whose velocity is known, for a fit with splines or zeros
 MEMORY = 10  # the first of a point's memories of the force
 # Time constants of those [s]. A tissue that relaxes in a sum of exponentials pushes with a law of
@@ -119,7 +119,8 @@ def learn(history: Any, finder: Any, noise: Any) -> bool:
     # Parabolas of readings that are far apart are wide enough for a cubic of their own.
     point[5] = point[1] + place[6]
     point[6] = place[2]
-    point[7] = WIDE if finder.neighbours < smoothing.FEWEST_NEIGHBOURS else UNKNOWN
+    alone = finder.neighbours < smoothing.FEWEST_NEIGHBOURS
+    point[7] = _by_itself(place[7]) if alone else UNKNOWN
     # Not that of the grid's point: when the delay goes on to the next one, times would jump.
     point[8] = grids.time_of(finder, there) + rest
     point[9] = place[7]
@@ -129,6 +130,12 @@ def learn(history: Any, finder: Any, noise: Any) -> bool:
     if history.count == POINTS and history.every * finder.grid_step < 0.75 * LONGEST:
         _thin_out(history)
     return True
+
+
+@compiled
+def _by_itself(degree: float) -> float:
+    """What the velocity of a point is from without its neighbours."""
+    return OF_SEXTIC if degree == SEXTIC else NARROW
 
 
 @compiled
@@ -182,7 +189,7 @@ def _look_around(history: Any, finder: Any, shift: int, rest: float, noise: Any)
             touching = _is_in_contact_around(finder, there + shift, noise[1])
             if not touching:
                 return
-            point[7] = NARROW
+            point[7] = _by_itself(point[9])
             if smoothing.take_wide(finder, there, variance):
                 point[5] = finder.wide[0] + rest * finder.wide[1]
                 point[6] = finder.wide[1]

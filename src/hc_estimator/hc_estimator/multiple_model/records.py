@@ -203,8 +203,8 @@ HISTORY = record_type(
         # Within one fit:
         # Of a point's velocity, of that by a wide cubic and by a narrow one: deviation [mm/s], and
         # variance by the share of the point in the information [mm^2/s^2].
-        Field("velocity_std", np.float64, (3,), 0.0),
-        Field("velocity_noise", np.float64, (3,), 0.0),
+        Field("velocity_std", np.float64, (4,), 0.0),
+        Field("velocity_noise", np.float64, (4,), 0.0),
         Field("half_width", np.float64, (), 0.0),  # of the parabolas [s]
         Field("cubic_share", np.float64, (), 0.0, 1.0),  # of what a cubic adds to the velocity
         Field("next", np.float64, (4,)),
