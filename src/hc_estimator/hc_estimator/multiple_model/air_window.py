@@ -14,7 +14,7 @@ from hc_estimator.linear_algebra import clear_vector, copy_vector
 
 FEWEST = 20  # readings in the air that make a mean
 LEAST_TRAVEL = 0.5  # in the air [mm]
-TRAVEL_DEVIATIONS = 20.0  # the same, in deviations of the displacement sensor
+TRAVEL_DEVIATIONS = 20.0  # the same, in deviations of the place
 SAME = 4.0  # deviations of the slope of the force over the way up to which it is none
 CALMEST = 0.05  # scatter of a working sensor in the air over its noise variance, at least
 SIGNIFICANT = 5.0  # deviations of the mean force from which on it is a zero that is off
@@ -66,15 +66,15 @@ def add(window: Any, displacement: float, force: float) -> None:
 
 
 @compiled
-def travels(window: Any, noise: Any, least: float) -> bool:
+def travels(window: Any, variance: float, least: float) -> bool:
     """True if the tool went far enough to show whether the force changes on the way.
 
     Args:
         window: of readings.
-        noise: variances of displacement and force [mm^2], [N^2].
+        variance: of a place [mm^2].
         least: way that is needed [mm].
     """
-    least = max(least, TRAVEL_DEVIATIONS * math.sqrt(noise[0]))
+    least = max(least, TRAVEL_DEVIATIONS * math.sqrt(variance))
     return bool(window.highest - window.lowest >= least)
 
 
@@ -96,3 +96,9 @@ def stays_the_same(window: Any) -> bool:
     """True if the force does not change on the way."""
     moment = window.moment
     return bool(abs(moment[1] / moment[0]) <= SAME * math.sqrt(scatter_of(window) / moment[0]))
+
+
+@compiled
+def would_show(window: Any, slope: float) -> bool:
+    """True if the force would be seen to change with the place by so much [N/mm]."""
+    return bool(slope > 2.0 * SAME * math.sqrt(scatter_of(window) / window.moment[0]))

@@ -4,7 +4,8 @@ A sensor that warms up or creeps takes its zero along (of a zero that had moved 
 of the largest force K was 1.6 % wrong, by two per cent 6 %). Wherever the tool leaves the tissue
 again the zero is there to be read: where the row in charge says that the tool is surely outside,
 and the force stays the same while the tool travels, for as long as it is outside. Readings of
-several visits count together until their mean is significantly none. Then it is the zero from now
+several visits count together until their mean is significantly none: of taps that are outside for
+80 ms each, and go no further than half a millimetre, as well. Then it is the zero from now
 on; what was felt since the zero was known last has its share of it, by the time, and if it never
 was, all of it: a sensor that nobody tared was off from the start.
 
@@ -18,7 +19,7 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import air_window, zero_moves
+from hc_estimator.multiple_model import air_window, place_delay, zero_moves
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.air_window import FEWEST, LEAST_TRAVEL, SIGNIFICANT, SMALLEST_ZERO
 from hc_estimator.multiple_model.contact_onset import CAME_DOWN, LEAST_DISTANCE, SURE
@@ -26,7 +27,10 @@ from hc_estimator.multiple_model.hypotheses import DEPTH
 
 SURELY = 3.0  # deviations of the depth
 TOUCHED = 1.0  # time in contact after which the first touch is over [s]
-SETTLING = 0.06  # time outside that is left to a force that is late, or to what sticks [s]
+SETTLING = 0.06  # time outside that is left to a force that may be late [s]
+SETTLED = 0.01  # the same where it is known not to be [s]
+SHORT_TRAVEL = 0.2  # in visits that are short [mm]
+NEAREST = 0.5  # within which a contact begins that would be taken for the air [mm]
 LONGEST = 1.0  # of readings that are judged together [s]
 FORGETTING = 10.0  # time outside after which a mean begins anew [s]
 WILDEST = 2.0  # scatter of a sensor in the air over its noise variance
@@ -88,13 +92,38 @@ def learn(settings: Any, bank: Any, time: float) -> None:
         air.travelled = 0
         return
     air.outside += clock.elapsed
-    if air.outside < SETTLING:
+    if air.outside < _settling(settings, bank):
         return
     air.time += clock.elapsed
+    air.place_variance = row.covariance[DEPTH, DEPTH]
     if clock.present[1] != 0:
         air_window.add(air.window, depth, clock.measurement[1])
     if air.time >= LONGEST:
         _conclude(bank, time)
+
+
+@compiled
+def _settling(settings: Any, bank: Any) -> float:
+    """Time outside after which a force is of the air [s]."""
+    finder = bank.delay
+    if place_delay.may_be_late(settings, bank.place) and not place_delay.is_known(finder):
+        return SETTLING
+    late = finder.deviation if finder.deviation > 0.0 else 0.0
+    return SETTLED + SURELY * late
+
+
+@compiled
+def _is_air(window: Any, air: Any) -> bool:
+    """True if the tool went so far that the force would have changed if it had touched anything.
+
+    What only pushes cannot pull: less than none is a zero that is off, however short the way.
+    """
+    if air_window.travels(window, air.place_variance, LEAST_TRAVEL):
+        return True
+    if not air_window.travels(window, air.place_variance, SHORT_TRAVEL):
+        return False
+    level = window.mean[1]
+    return bool(level < 0.0 or air_window.would_show(window, level / NEAREST))
 
 
 @compiled
@@ -104,9 +133,12 @@ def _conclude(bank: Any, time: float) -> None:
     count, mean = window.count, window.mean[1]
     if count < FEWEST:
         return
+    shown = _is_air(window, air)
+    if not shown and air.travelled == 0 and air.time < LONGEST:
+        return
     scatter = air_window.scatter_of(window)
     calm = air_window.is_calm(window, noise[1], WILDEST)
-    if air_window.travels(window, noise, LEAST_TRAVEL):
+    if shown:
         air.travelled = 1 if calm and air_window.stays_the_same(window) else 0
     if calm and air.travelled != 0:
         steps = abs(mean * air.seen - air.sum)

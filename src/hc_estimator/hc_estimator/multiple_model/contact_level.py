@@ -110,7 +110,7 @@ def is_air(onset: Any, noise: Any, sure: float) -> bool:
     """
     inside, mean = onset.inside, onset.inside.mean
     way = inside.highest - inside.lowest
-    if inside.count < FEWEST or not air_window.travels(inside, noise, air_window.LEAST_TRAVEL):
+    if inside.count < FEWEST or not air_window.travels(inside, noise[0], air_window.LEAST_TRAVEL):
         return False
     if onset.highest_level > mean[1] + SURELY * sure:
         return False
@@ -128,7 +128,7 @@ def is_air(onset: Any, noise: Any, sure: float) -> bool:
     if onset.air_slowing * mean[0] > onset.air_fastest * way:
         return False
     # A tissue that pushed so would push at least in proportion to the depth.
-    return _would_show(inside, mean[1] / mean[0])
+    return air_window.would_show(inside, mean[1] / mean[0])
 
 
 @compiled
@@ -149,7 +149,7 @@ def is_floor(onset: Any, noise: Any, sure: float) -> bool:
     # On the way back damping may hide what the depth does to a force.
     if inside.count < FEWEST_AGAIN or onset.inside_at - inside.lowest < LEAST_AGAIN:
         return False
-    if not air_window.travels(inside, noise, LEAST_AGAIN):
+    if not air_window.travels(inside, noise[0], LEAST_AGAIN):
         return False
     if onset.highest_level <= level + SURELY * sure or level > onset.lowest_level + sure:
         return False
@@ -182,14 +182,7 @@ def _may_be_tissue(onset: Any, level: float) -> bool:
     if not way > 0.0:
         return True
     steps = (onset.highest_level / level) ** (1.0 / STEEPEST) - 1.0
-    return not _would_show(inside, STEEPEST * steps * level / way)
-
-
-@compiled
-def _would_show(window: Any, slope: float) -> bool:
-    """True if the force would be seen to change with the place by so much [N/mm]."""
-    scatter = air_window.scatter_of(window)
-    return bool(slope > 2.0 * SAME * math.sqrt(scatter / window.moment[0]))
+    return not air_window.would_show(inside, STEEPEST * steps * level / way)
 
 
 @compiled

@@ -311,6 +311,7 @@ AIR = record_type(
         Field("sum", np.float64),  # of their forces [N]
         # In the present stretch:
         Field("time", np.float64, (), 0.0),  # that they span [s]
+        Field("place_variance", np.float64, (), 0.0),  # of the latest [mm^2]
         Field("window", WINDOW),
     )
 )
