@@ -15,6 +15,8 @@ from hc_estimator.linear_algebra import clear_vector, copy_vector
 FEWEST = 20  # readings in the air that make a mean
 LEAST_TRAVEL = 0.5  # in the air [mm]
 TRAVEL_DEVIATIONS = 20.0  # the same, in deviations of the place
+SHORT_TRAVEL = 0.2  # the same where a zero is not concluded from it alone [mm]
+WILDEST = 2.0  # scatter of a sensor in the air over its noise variance
 SAME = 4.0  # deviations of the slope of the force over the way up to which it is none
 CALMEST = 0.05  # scatter of a working sensor in the air over its noise variance, at least
 SIGNIFICANT = 5.0  # deviations of the mean force from which on it is a zero that is off
@@ -102,3 +104,22 @@ def stays_the_same(window: Any) -> bool:
 def would_show(window: Any, slope: float) -> bool:
     """True if the force would be seen to change with the place by so much [N/mm]."""
     return bool(slope > 2.0 * SAME * math.sqrt(scatter_of(window) / window.moment[0]))
+
+
+@compiled
+def zero_of(window: Any, noise: float, place_variance: float) -> tuple[float, float]:
+    """What the force's zero is if a tool that seems to be outside is, and its deviation [N].
+
+    Args:
+        window: of readings outside.
+        noise: variance of the force [N^2].
+        place_variance: of a place [mm^2].
+
+    Returns:
+        An infinite deviation where readings are few or the force does not stay the same.
+    """
+    if window.count < FEWEST or not travels(window, place_variance, SHORT_TRAVEL):
+        return 0.0, math.inf
+    if not (is_calm(window, noise, WILDEST) and stays_the_same(window)):
+        return 0.0, math.inf
+    return window.mean[1], math.sqrt(scatter_of(window) / window.count)

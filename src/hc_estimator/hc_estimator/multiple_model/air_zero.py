@@ -21,7 +21,14 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import air_window, place_delay, zero_moves
 from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model.air_window import FEWEST, LEAST_TRAVEL, SIGNIFICANT, SMALLEST_ZERO
+from hc_estimator.multiple_model.air_window import (
+    FEWEST,
+    LEAST_TRAVEL,
+    SHORT_TRAVEL,
+    SIGNIFICANT,
+    SMALLEST_ZERO,
+    WILDEST,
+)
 from hc_estimator.multiple_model.contact_onset import CAME_DOWN, LEAST_DISTANCE, SURE
 from hc_estimator.multiple_model.hypotheses import DEPTH
 
@@ -29,11 +36,8 @@ SURELY = 3.0  # deviations of the depth
 TOUCHED = 1.0  # time in contact after which the first touch is over [s]
 SETTLING = 0.06  # time outside that is left to a force that may be late [s]
 SETTLED = 0.01  # the same where it is known not to be [s]
-SHORT_TRAVEL = 0.2  # in visits that are short [mm]
-NEAREST = 0.5  # within which a contact begins that would be taken for the air [mm]
 LONGEST = 1.0  # of readings that are judged together [s]
 FORGETTING = 10.0  # time outside after which a mean begins anew [s]
-WILDEST = 2.0  # scatter of a sensor in the air over its noise variance
 
 
 @compiled
@@ -116,14 +120,11 @@ def _settling(settings: Any, bank: Any) -> float:
 def _is_air(window: Any, air: Any) -> bool:
     """True if the tool went so far that the force would have changed if it had touched anything.
 
-    What only pushes cannot pull: less than none is a zero that is off, however short the way.
+    What only pushes cannot pull: less than none is a zero that is off, however short the way. Of
+    more than none it is for `zero_fit` to say whether that is the tissue.
     """
-    if air_window.travels(window, air.place_variance, LEAST_TRAVEL):
-        return True
-    if not air_window.travels(window, air.place_variance, SHORT_TRAVEL):
-        return False
-    level = window.mean[1]
-    return bool(level < 0.0 or air_window.would_show(window, level / NEAREST))
+    least = SHORT_TRAVEL if window.mean[1] < 0.0 else LEAST_TRAVEL
+    return air_window.travels(window, air.place_variance, least)
 
 
 @compiled
@@ -134,10 +135,10 @@ def _conclude(bank: Any, time: float) -> None:
     if count < FEWEST:
         return
     shown = _is_air(window, air)
-    if not shown and air.travelled == 0 and air.time < LONGEST:
+    calm = air_window.is_calm(window, noise[1], WILDEST)
+    if calm and not shown and air.travelled == 0 and air.time < FORGETTING:
         return
     scatter = air_window.scatter_of(window)
-    calm = air_window.is_calm(window, noise[1], WILDEST)
     if shown:
         air.travelled = 1 if calm and air_window.stays_the_same(window) else 0
     if calm and air.travelled != 0:

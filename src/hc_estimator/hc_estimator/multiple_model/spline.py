@@ -124,6 +124,8 @@ def free_all(settings: Any, fit: Any) -> None:
         fit.held[i] = 0
     fit.held[DELAY] = 0 if math.isnan(settings.channel_delay) else 1
     fit.position_deviation = math.inf
+    fit.air_zero = 0.0
+    fit.air_zero_deviation = math.inf
     fit.delay_deviation = DELAY_DEVIATION
     fit.shift = 0
     fit.spacing = 0.0

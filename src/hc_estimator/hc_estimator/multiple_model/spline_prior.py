@@ -17,6 +17,7 @@ from hc_estimator.multiple_model.rows import prior_deviation
 from hc_estimator.multiple_model.spline import (
     DELAY,
     EXPONENT,
+    FORCE_ZERO,
     LOG_RATIO,
     POSITION,
     SPEED,
@@ -57,8 +58,8 @@ def _deviation(settings: Any, fit: Any, i: int) -> float:
         return SPEED_DEVIATION
     if i == POSITION:
         return float(fit.position_deviation)
-    if i < SPLINE_FIRST:
-        return math.inf
+    if i == FORCE_ZERO:
+        return float(fit.air_zero_deviation)
     if i < SPLINE_FIRST + stiffness_count(fit):
         return LEVEL_DEVIATION
     if has(fit, RELAXES):
@@ -74,6 +75,8 @@ def _guess(settings: Any, fit: Any, i: int) -> float:
     """First guess of an unknown."""
     if i == LOG_RATIO:
         return math.log(settings.initial_damping / settings.initial_stiffness)
+    if i == FORCE_ZERO:
+        return float(fit.air_zero)
     between = SPLINE_FIRST + stiffness_count(fit)
     if i == EXPONENT or (i >= between and has(fit, BENDS)):
         return settings.initial_displacement_exponent  # type: ignore[no-any-return]

@@ -26,6 +26,9 @@ SPLINE_FIT = record_type(
         Field("fixed", np.int64, (SPLINE_FIRST,), 0, 1),  # held, or without a deviation
         Field("kind", np.int64, (), 0, 2 * STEADY - 1),
         Field("position_deviation", np.float64, (), 0.0, finite=False),  # of the prior [mm]
+        # Zero of the force by what it reads in the air [N]; infinite: nothing.
+        Field("air_zero", np.float64),
+        Field("air_zero_deviation", np.float64, (), 0.0, finite=False),
         Field("delay_deviation", np.float64, (), 0.0),  # of the prior [s]
         # By how many points the force is late beside the delay, and how far they are apart [s].
         Field("shift", np.int64, (), -LARGEST_SHIFT, LARGEST_SHIFT),

@@ -13,7 +13,8 @@ nothing shows which of two zeros it is, both are taken from the fit that has bot
 fit leaves less than one without. The choice is among zeros as they were given, so that more points
 can take back what fewer seemed to show; points that show less of them take back nothing. Until they
 move, what they may be is in the covariance that is given out (`zero_average`). Where the
-tool was seen in the air the force's zero is known from there. What is left open of the zeros in use
+tool was seen in the air the force's zero is known from there, and what the force reads where it
+only seems to be outside is as good as a point there. What is left open of the zeros in use
 goes with the estimate, by how much the K, B, n and p of the fit depend on them (Schmidt 1966;
 `zero_doubt` gives it out).
 
@@ -29,8 +30,8 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector, copy_matrix, copy_vector
-from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import (
+    air_window,
     place_delay,
     spline,
     spline_start,
@@ -38,6 +39,7 @@ from hc_estimator.multiple_model import (
     zero_rival,
     zero_sensitivity,
 )
+from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.hypotheses import (
     BREATHES,
     LOG_STIFFNESS,
@@ -180,7 +182,7 @@ def look(settings: Any, bank: Any) -> bool:
             return False
     if zeros.unknown == NONE:
         asked = possible & OF_FORCE if sinks else possible
-        largest = _largest(history, first)
+        largest = histories.largest(history, first)
         zero_average.doubt(settings, zeros, asked, largest, fit.kind == MOVES)
     unknown = choose(settings, zeros, possible, sinks)
     if unknown == NONE and zeros.unknown != NONE and not speaks_against(zeros, possible):
@@ -236,7 +238,7 @@ def _fit_any(settings: Any, bank: Any, possible: int) -> bool:
     near = spline.first_in_reach(history, first, history.count)
     if BREATHES[row.index]:
         first = near  # all kinds are compared with what it says
-    rival, largest = -math.inf, _largest(history, first)
+    rival, largest = -math.inf, histories.largest(history, first)
     if span >= LEAST_TIME:
         rival = zero_rival.evidence_of_surface(settings, bank, first)
     # Rows begin anew at the given surface: from one that is far from it they would take seconds.
@@ -244,6 +246,10 @@ def _fit_any(settings: Any, bank: Any, possible: int) -> bool:
     # Where no row explains the force, none in charge is right about the surface.
     breathes = breathes and (BREATHES[row.index] or row.model_error > 0.0)
     breathes = breathes and possible & OF_FORCE != 0
+    air = 0.0, math.inf
+    if possible & OF_FORCE != 0:
+        air = air_window.zero_of(bank.air.window, bank.sensor_noise[1], bank.air.place_variance)
+    rival -= 0.5 * (air[0] / air[1]) ** 2
     for kind in (STAYS, SINKS, MOVES, VARIES):
         if kind == MOVES and not breathes:
             continue
@@ -252,11 +258,17 @@ def _fit_any(settings: Any, bank: Any, possible: int) -> bool:
         spline.free_all(settings, fit)
         if possible & OF_FORCE == 0:
             fit.held[spline.FORCE_ZERO] = 1
+        fit.air_zero, fit.air_zero_deviation = air
         begin = near if kind & (VARIES + MOVES) != 0 else first
         if not spline.lay_out(history, fit, begin, history.count, kind):
             continue
         spline_start.begin(settings, history, fit, row)
-        if _explains(settings, bank):
+        explains = _explains(settings, bank)
+        if air[1] < math.inf and fit.values[spline.POSITION] < bank.air.window.mean[0]:
+            fit.air_zero_deviation = math.inf  # that was no air
+            spline_start.begin(settings, history, fit, row)
+            explains = _explains(settings, bank)
+        if explains:
             if rival == -math.inf or kind == zero_rival.kind_in_charge(bank):
                 return True
             return bool(rival < zero_rival.evidence_of_zeros(fit, zeros.squares, largest))
@@ -290,6 +302,7 @@ def _explains_more(settings: Any, bank: Any, possible: int) -> bool:
     its own, as it may where the damping is next to unknown.
     """
     fit, noise = bank.fit, histories.noise_of_points(bank)
+    cost = bank.zeros.squares + _cost_of_air(fit)
     spline_start.begin(settings, bank.history, fit, bank.rows[bank.judge.chosen])
     for i in range(2):
         # Of a surface that sinks the position is unknown in any case.
@@ -297,7 +310,14 @@ def _explains_more(settings: Any, bank: Any, possible: int) -> bool:
             fit.held[spline.POSITION + i] = 1
             fit.values[spline.POSITION + i] = 0.0
     without = solve_least_squares(settings, bank.history, fit, noise)
-    return not without < bank.zeros.squares + SIGNIFICANT
+    return not without + _cost_of_air(fit) < cost + SIGNIFICANT
+
+
+@compiled
+def _cost_of_air(fit: Any) -> float:
+    """Squares that a fit leaves of what the force reads in the air."""
+    off = (fit.values[spline.FORCE_ZERO] - fit.air_zero) / fit.air_zero_deviation
+    return float(off * off)
 
 
 @compiled
@@ -327,7 +347,7 @@ def _is_worth_it(zeros: Any, unknown: int, sinks: bool) -> bool:
 @compiled
 def _is_possible(history: Any, zeros: Any, first: int) -> bool:
     """False for zeros that are too far off, or too little, to be moved."""
-    deepest, largest = _largest(history, first)
+    deepest, largest = histories.largest(history, first)
     if abs(zeros.delay) > LARGEST_DELAY:
         return False
     if (
@@ -338,16 +358,6 @@ def _is_possible(history: Any, zeros: Any, first: int) -> bool:
     if zeros.unknown != NONE:
         return True
     return bool(abs(zeros.position) > LEAST_POSITION or abs(zeros.force) > LEAST_ZERO * largest)
-
-
-@compiled
-def _largest(history: Any, first: int) -> tuple[float, float]:
-    """Largest depth [mm] and force [N] of the points from `first` on."""
-    deepest, largest = 0.0, 0.0
-    for k in range(first, history.count):
-        point = history.points[k % POINTS]
-        deepest, largest = max(deepest, point[0]), max(largest, point[2])
-    return deepest, largest
 
 
 @compiled
