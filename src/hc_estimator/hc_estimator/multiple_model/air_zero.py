@@ -30,12 +30,13 @@ from hc_estimator.multiple_model.air_window import (
     WILDEST,
 )
 from hc_estimator.multiple_model.contact_onset import CAME_DOWN, LEAST_DISTANCE, SURE
-from hc_estimator.multiple_model.hypotheses import DEPTH
+from hc_estimator.multiple_model.hypotheses import DEPTH, SURFACE
 
 SURELY = 3.0  # deviations of the depth
 TOUCHED = 1.0  # time in contact after which the first touch is over [s]
 SETTLING = 0.06  # time outside that is left to a force that may be late [s]
 SETTLED = 0.01  # the same where it is known not to be [s]
+FINER = 0.5  # of a deviation at which a mean takes its place
 LONGEST = 1.0  # of readings that are judged together [s]
 FORGETTING = 10.0  # time outside after which a mean begins anew [s]
 
@@ -117,13 +118,16 @@ def _settling(settings: Any, bank: Any) -> float:
 
 
 @compiled
-def _is_air(window: Any, air: Any) -> bool:
+def _is_air(bank: Any) -> bool:
     """True if the tool went so far that the force would have changed if it had touched anything.
 
     What only pushes cannot pull: less than none is a zero that is off, however short the way. Of
-    more than none it is for `zero_fit` to say whether that is the tissue.
+    more than none it is for `zero_fit` to say whether that is the tissue, unless the air was seen
+    before and no surface moves.
     """
-    least = SHORT_TRAVEL if window.mean[1] < 0.0 else LEAST_TRAVEL
+    air, window = bank.air, bank.air.window
+    seen = bank.onset.in_air != 0 and not SURFACE[bank.judge.chosen]
+    least = SHORT_TRAVEL if seen or window.mean[1] < 0.0 else LEAST_TRAVEL
     return air_window.travels(window, air.place_variance, least)
 
 
@@ -134,7 +138,7 @@ def _conclude(bank: Any, time: float) -> None:
     count, mean = window.count, window.mean[1]
     if count < FEWEST:
         return
-    shown = _is_air(window, air)
+    shown = _is_air(bank)
     calm = air_window.is_calm(window, noise[1], WILDEST)
     if calm and not shown and air.travelled == 0 and air.time < FORGETTING:
         return
@@ -150,9 +154,12 @@ def _conclude(bank: Any, time: float) -> None:
         air.sum += count * mean
         level, deviation = air.sum / air.seen, math.sqrt(scatter / air.seen)
         moves = abs(level) > max(SIGNIFICANT * deviation, SMALLEST_ZERO * math.sqrt(noise[1]))
-        if moves:
+        finer = not moves and deviation < FINER * bank.onset.force_deviation
+        if finer:
+            _move(bank, level, deviation, math.nan)
+        elif moves:
             _move(bank, level, deviation, time)
-        if moves or air.seen_time > FORGETTING:
+        if moves or finer or air.seen_time > FORGETTING:
             air.known_at = time
             _forget(air)
     _begin(air)
@@ -160,7 +167,14 @@ def _conclude(bank: Any, time: float) -> None:
 
 @compiled
 def _move(bank: Any, level: float, deviation: float, time: float) -> None:
-    """Let the zero be what the force reads; what was felt while it moved has a share of that."""
+    """Let the zero be what the force reads; what was felt while it moved has a share of that.
+
+    Args:
+        bank: changed.
+        level: of the force [N].
+        deviation: of it [N].
+        time: until which it moved [s]; NaN: it is the same, and known better.
+    """
     onset = bank.onset
     was_known = onset.in_air != 0
     onset.in_air = max(onset.in_air, CAME_DOWN)
@@ -168,7 +182,7 @@ def _move(bank: Any, level: float, deviation: float, time: float) -> None:
     onset.shift[0] = 0.0
     onset.shift[1] = level
     zero_moves.move_readings(bank)
-    if not was_known:
+    if not was_known or math.isnan(time):
         histories.move(bank.history, 0.0, level, 0.0, 0.0)
         return
     # A step is more likely to have come while nobody touched anything.

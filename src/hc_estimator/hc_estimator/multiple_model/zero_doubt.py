@@ -24,7 +24,7 @@ from hc_estimator.multiple_model.hypotheses import (
     SURFACE,
     SURFACE_ROW,
 )
-from hc_estimator.multiple_model.zero_records import NONE
+from hc_estimator.multiple_model.zero_records import NONE, OF_FORCE
 from hc_estimator.specification import ParameterSpecification
 
 SHALLOWEST = 0.1  # depth from which something is said of the contact position [mm]
@@ -66,17 +66,19 @@ def add(settings: Any, bank: Any, row: Any, out: NDArray[np.float64]) -> None:
     """
     add_joint(bank.zeros.doubt, out)
     add_joint(bank.place.open, out)
-    if bank.zeros.unknown != NONE:
-        return
-    exponent, depth = row.state[EXPONENT], max(bank.tool.deepest, SHALLOWEST)
-    if not SURFACE[row.index]:  # else its position is a state
+    zeros, exponent = bank.zeros, row.state[EXPONENT]
+    depth = max(bank.tool.deepest, SHALLOWEST)
+    # Where the surface moves its position is a state; what a fit has found is in the doubt above.
+    if zeros.unknown == NONE and not SURFACE[row.index]:
         variance = _position_variance(settings, bank)
         if variance > 0.0:  # a position that is off by s changes ln F at the depth x by -n s / x
             slope = -exponent / depth
             _add_bent(variance, slope, 2.0 * slope, depth, out)
+    if zeros.unknown & OF_FORCE != 0 or zeros.off[1] > 0.0:
+        return
     deviation = force_deviation(settings, bank)
     # No row knows the force's zero; one that is off by s changes ln F by -s / F.
-    if settings.force_zero_std > 0.0 and deviation > 0.0:
+    if deviation > 0.0:
         slope = -1.0 / max(out[columns.PARAMETERS] * depth**exponent, SMALLEST_FORCE)
         _add_bent(deviation**2, slope, 2.0**exponent * slope, depth, out)
 
