@@ -100,3 +100,34 @@ def test_it_goes_on_with_the_same_bits_after_a_restore():
     rest = second.run(time[half:], place[half:], force[half:])
     np.testing.assert_array_equal(rest.parameters, whole.parameters[half:])
     np.testing.assert_array_equal(rest.force_zero, whole.force_zero[half:])
+
+
+def short_visits(zero, seed=0, rate=200.0):
+    """Taps that are outside for 80 ms, no further than 0.4 mm; time, displacement, force."""
+    draw = np.random.default_rng(seed)
+    time = np.arange(0.0, 12.0, 1.0 / rate)
+    angle = 2.0 * np.pi * 2.3 * time
+    place = 1.6 - 2.0 * np.cos(angle)
+    speed = 2.0 * np.pi * 2.3 * 2.0 * np.sin(angle)
+    law = np.maximum(K + 0.005 * np.sign(speed) * np.abs(speed) ** P, 0.0)
+    force = np.maximum(place, 0.0) ** N * law + zero + 0.03 * draw.standard_normal(time.size)
+    return time, place + 0.02 * draw.standard_normal(time.size), force
+
+
+@pytest.mark.parametrize("zero", [-0.1, -0.04, 0.1])
+def test_short_visits_count_together(zero):
+    """Each was too short to be outside for certain, and the zero was never found."""
+    time, place, force = short_visits(zero)
+    series = hc.create_estimator(FILTER).run(time, place, force)
+    assert series.force_zero[-1] == pytest.approx(zero, abs=0.012)
+    assert not np.any(series.model_mismatch[time > 8.0])
+    error = np.abs(np.log(series.parameters[time > 8.0, 0] / K))
+    assert np.quantile(error, 0.9) < 0.04
+
+
+def test_a_zero_is_known_better_with_every_visit():
+    time, place, force = short_visits(-0.1)
+    series = hc.create_estimator(FILTER).run(time, place, force)
+    said = series.force_zero_std[np.isfinite(series.force_zero_std) & (series.force_zero != 0.0)]
+    assert said[-1] < 0.6 * said[0]
+    assert abs(series.force_zero[-1] + 0.1) < 4.0 * said[-1]

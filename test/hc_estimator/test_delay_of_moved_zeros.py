@@ -65,3 +65,24 @@ def test_two_ways_say_a_delay_of_presses_with_zeros_that_are_right():
     begun = contact.time_s[np.flatnonzero(series.channel_delay)[0]]
     assert begun < 6.0
     assert series.channel_delay[-1] == pytest.approx(delay, abs=0.001)
+
+
+def test_a_zero_that_moves_takes_all_of_the_grid_along():
+    """What the delay is looked for in was left in the old zeros for half a second."""
+    draw = np.random.default_rng(5)
+    time = np.arange(0.0, 8.0, 0.005)
+    place = 1.4 + 2.2 * np.sin(2.0 * np.pi * 1.5 * time)
+    force = np.maximum(place, 0.0) ** 1.4 + 0.05 + 0.006 * draw.standard_normal(time.size)
+    place = place + 0.0025 * draw.standard_normal(time.size)
+    estimator, moves, before = hc.create_estimator("self_tuning_ukf"), 0, 0.0
+    for k, stamp in enumerate(time):
+        estimate = estimator.step(stamp, place[k], force[k])
+        if estimate.force_zero == before:
+            continue
+        before, moves = estimate.force_zero, moves + 1
+        finder = estimator._memory.view(np.recarray)[0].delay
+        count = min(int(finder.grid_count), finder.grid.shape[0])
+        rows = finder.grid[[int(finder.grid_count - 1 - i) % 80 for i in range(count)]]
+        assert np.max(np.abs(rows[:, 0] - rows[:, 8])) < 0.01
+        assert np.max(np.abs(rows[:, 3] - rows[:, 9])) < 0.02
+    assert moves > 0

@@ -10,7 +10,9 @@ from hc_estimator.multiple_model import grid, local_polynomial
 from hc_estimator.multiple_model.local_polynomial import (
     QUADRATIC,
     QUARTIC,
-    VALUE_NOISE,
+    QUARTIC_NOISE,
+    SEXTIC,
+    SEXTIC_NOISE,
 )
 
 HALF = 0.015
@@ -18,14 +20,14 @@ NOISE = np.array([1e-6, 1e-4])  # variances of displacement and force
 PLACE, SLOPE, BEND, LEFT, CUBIC = range(5)  # of what is fitted
 
 
-def fitted(time, displacement, force, noise=NOISE, centre=0.0, half=HALF):
-    """Degree of the polynomials about a time, and what they say of both channels."""
+def fitted(time, displacement, force, noise=NOISE, half=HALF, wider=None):
+    """Degree of the polynomials about zero, and what they say of both channels."""
     finder = hc.create_estimator("self_tuning_ukf")._memory.view(np.recarray)[0].delay
     grid.restart(finder)
     for k, stamp in enumerate(time):
         grid.take(finder, 0, stamp, displacement[k])
         grid.take(finder, 1, stamp, force[k])
-    degree = local_polynomial.fit(finder, centre, half, noise)
+    degree = local_polynomial.fit(finder, 0.0, half, wider or half, noise)
     return degree, np.array(finder.fitted_to)
 
 
@@ -118,7 +120,42 @@ def test_the_noise_of_a_quartic_is_the_one_that_is_said():
         noise = rng.standard_normal(time.size)
         values.append([np.polyfit(time / HALF, noise, degree)[-1] for degree in (2, 4)])
     parabola, quartic = np.var(values, axis=0)
-    assert quartic / parabola == pytest.approx(VALUE_NOISE, rel=0.1)
+    assert quartic / parabola == pytest.approx(QUARTIC_NOISE, rel=0.1)
+
+
+def test_a_slow_sensor_has_two_more_readings_and_degree_six():
+    """Quick taps at 66 Hz, whose seven readings take 0.1 s, in which a quartic flattens as well."""
+    period = 1.0 / 66.0
+    time = period * (np.arange(-5, 5) + 0.5)
+    half = 3.5 * period
+    wider = local_polynomial.widest(half, period)
+    assert wider == pytest.approx(4.5 * period)
+    angle = 2.0 * np.pi * 7.6
+    motion = 2.0 + 0.19 * np.sin(angle * time)
+    degree, found = fitted(time, motion, 5.0 + time, half=half, wider=wider)
+    assert degree == SEXTIC
+    assert found[0, SLOPE] + found[0, CUBIC] == pytest.approx(0.19 * angle, rel=0.02)
+    inside = np.abs(time) < half * 1.001
+    quartic = np.polyfit(time[inside], motion[inside], 4)[3]
+    assert abs(quartic / (0.19 * angle) - 1.0) > 0.08
+    terms = np.polyfit(time, motion, 6)
+    np.testing.assert_allclose(found[0, PLACE], terms[6], rtol=1e-9)
+    np.testing.assert_allclose(found[0, BEND], 2.0 * terms[4], rtol=1e-5, atol=1e-3)
+
+
+@pytest.mark.parametrize(("rate", "more"), [(1000.0, False), (310.0, False), (200.0, True)])
+def test_only_where_a_parabola_has_few_readings(rate, more):
+    half = max(0.015, 3.5 / rate)
+    assert (local_polynomial.widest(half, 1.0 / rate) > half) == more
+
+
+def test_the_noise_of_degree_six_is_the_one_that_is_said():
+    """Weights of the value by least squares, of nine readings and of seven."""
+    variances = []
+    for degree, count in ((2, 7), (6, 9)):
+        powers = np.vander(np.linspace(-1.0, 1.0, count), degree + 1, increasing=True)
+        variances.append(np.sum(np.linalg.pinv(powers)[0] ** 2))
+    assert variances[1] / variances[0] == pytest.approx(SEXTIC_NOISE, rel=0.01)
 
 
 def test_few_readings_make_no_polynomial():

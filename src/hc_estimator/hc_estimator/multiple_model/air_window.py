@@ -15,7 +15,8 @@ from hc_estimator.linear_algebra import clear_vector, copy_vector
 FEWEST = 20  # readings in the air that make a mean
 LEAST_TRAVEL = 0.5  # in the air [mm]
 TRAVEL_DEVIATIONS = 20.0  # the same, in deviations of the place
-SHORT_TRAVEL = 0.2  # the same where a zero is not concluded from it alone [mm]
+# The same of visits that are short, and in deviations; noise alone makes six of them.
+SHORT_TRAVEL, SHORT_DEVIATIONS = 0.2, 10.0
 WILDEST = 2.0  # scatter of a sensor in the air over its noise variance
 SAME = 4.0  # deviations of the slope of the force over the way up to which it is none
 CALMEST = 0.05  # scatter of a working sensor in the air over its noise variance, at least
@@ -81,6 +82,13 @@ def travels(window: Any, variance: float, least: float) -> bool:
 
 
 @compiled
+def travels_shortly(window: Any, variance: float) -> bool:
+    """True if it went somewhere at all, as of a visit to the air that is short; as `travels`."""
+    least = max(SHORT_TRAVEL, SHORT_DEVIATIONS * math.sqrt(variance))
+    return bool(window.highest - window.lowest >= least)
+
+
+@compiled
 def scatter_of(window: Any) -> float:
     """Variance of the force [N^2]."""
     return window.moment[2] / (window.count - 1)  # type: ignore[no-any-return]
@@ -118,7 +126,7 @@ def zero_of(window: Any, noise: float, place_variance: float) -> tuple[float, fl
     Returns:
         An infinite deviation where readings are few or the force does not stay the same.
     """
-    if window.count < FEWEST or not travels(window, place_variance, SHORT_TRAVEL):
+    if window.count < FEWEST or not travels_shortly(window, place_variance):
         return 0.0, math.inf
     if not (is_calm(window, noise, WILDEST) and stays_the_same(window)):
         return 0.0, math.inf

@@ -24,7 +24,6 @@ from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.air_window import (
     FEWEST,
     LEAST_TRAVEL,
-    SHORT_TRAVEL,
     SIGNIFICANT,
     SMALLEST_ZERO,
     WILDEST,
@@ -127,8 +126,9 @@ def _is_air(bank: Any) -> bool:
     """
     air, window = bank.air, bank.air.window
     seen = bank.onset.in_air != 0 and not SURFACE[bank.judge.chosen]
-    least = SHORT_TRAVEL if seen or window.mean[1] < 0.0 else LEAST_TRAVEL
-    return air_window.travels(window, air.place_variance, least)
+    if seen or window.mean[1] < 0.0:
+        return air_window.travels_shortly(window, air.place_variance)
+    return air_window.travels(window, air.place_variance, LEAST_TRAVEL)
 
 
 @compiled

@@ -89,7 +89,7 @@ def take(finder: Any) -> None:
     quick, noise = 0, velocities[0] + velocities[1]
     if finder.neighbours >= smoothing.FEWEST_NEIGHBOURS:
         quick = 1 if _differ(finder, smooths, 1, smooths, smoothing.BY_CUBIC, noise) else 0
-    force = smoothing.BY_PARABOLA + 1
+    force = smoothing.FORCE_BY_PARABOLA
     column = smoothing.BY_CUBIC if quick != 0 else 1
     bends = _differ(
         finder,

@@ -25,7 +25,7 @@ HALF_WIDTH = 0.04  # of the neighbours [s]
 # [-1, 1], by Gauss-Legendre quadrature, exact for polynomials of degree 4.
 NODES = np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)])
 WEIGHTS = np.array([5.0 / 9.0, 8.0 / 9.0, 5.0 / 9.0])
-BY_PARABOLA = 8  # displacement, in `grid`, and the force beside it
+BY_PARABOLA, FORCE_BY_PARABOLA = 8, 9  # displacement and force, in `grid`
 BY_CUBIC = 2  # slot of a smoothed point's velocity by a cubic, in place of the acceleration
 FEWEST_NEIGHBOURS = 3  # to either side that are worth it, and make a wide cubic
 SMOOTH = 4.0  # mean square that it leaves over the noise up to which it fits
@@ -62,14 +62,14 @@ def smooth(finder: Any) -> None:
         if m == 0:
             out[1] = point[1]
             out[0] = point[BY_PARABOLA]
-            out[3] = point[BY_PARABOLA + 1]
+            out[3] = point[FORCE_BY_PARABOLA]
             out[BY_CUBIC] = point[1]
             continue
         y0, y1, y2, y3, f0, f2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for j in range(-m, m + 1):
             near = grid[(here + j) % GRID]
             value = near[BY_PARABOLA] - point[BY_PARABOLA]
-            force = near[BY_PARABOLA + 1] - point[BY_PARABOLA + 1]
+            force = near[FORCE_BY_PARABOLA] - point[FORCE_BY_PARABOLA]
             y0 += value
             y1 += j * value
             y2 += j * j * value
@@ -81,7 +81,7 @@ def smooth(finder: Any) -> None:
         out[BY_CUBIC] = out[1]
         if m >= FEWEST_NEIGHBOURS:
             out[BY_CUBIC] = (sixths * y1 - fourths * y3) / (odd * step)
-        out[3] = point[BY_PARABOLA + 1] + (fourths * f0 - squares * f2) / determinant
+        out[3] = point[FORCE_BY_PARABOLA] + (fourths * f0 - squares * f2) / determinant
 
 
 @compiled

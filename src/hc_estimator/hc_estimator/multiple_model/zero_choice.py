@@ -11,6 +11,7 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model.spline import FORCE_ZERO
 from hc_estimator.multiple_model.zero_records import (
     ALL,
     BOTH,
@@ -72,6 +73,13 @@ def speaks_against(zeros: Any, possible: int) -> bool:
     as_given = _cost_without(zeros, position, force, possible)
     in_use = _cost_without(zeros, zeros.position, zeros.force, possible)
     return bool(in_use > as_given + SIGNIFICANT)
+
+
+@compiled
+def cost_of_air(fit: Any) -> float:
+    """Squares that a fit leaves of what the force reads in the air."""
+    off = (fit.values[FORCE_ZERO] - fit.air_zero) / fit.air_zero_deviation
+    return float(off * off)
 
 
 @compiled

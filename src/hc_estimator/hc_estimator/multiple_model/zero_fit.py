@@ -56,6 +56,7 @@ from hc_estimator.multiple_model.zero_choice import (
     PENALTY,
     SIGNIFICANT,
     choose,
+    cost_of_air,
     number_of,
     speaks_against,
     square_of,
@@ -302,7 +303,7 @@ def _explains_more(settings: Any, bank: Any, possible: int) -> bool:
     its own, as it may where the damping is next to unknown.
     """
     fit, noise = bank.fit, histories.noise_of_points(bank)
-    cost = bank.zeros.squares + _cost_of_air(fit)
+    cost = bank.zeros.squares + cost_of_air(fit)
     spline_start.begin(settings, bank.history, fit, bank.rows[bank.judge.chosen])
     for i in range(2):
         # Of a surface that sinks the position is unknown in any case.
@@ -310,14 +311,7 @@ def _explains_more(settings: Any, bank: Any, possible: int) -> bool:
             fit.held[spline.POSITION + i] = 1
             fit.values[spline.POSITION + i] = 0.0
     without = solve_least_squares(settings, bank.history, fit, noise)
-    return not without + _cost_of_air(fit) < cost + SIGNIFICANT
-
-
-@compiled
-def _cost_of_air(fit: Any) -> float:
-    """Squares that a fit leaves of what the force reads in the air."""
-    off = (fit.values[spline.FORCE_ZERO] - fit.air_zero) / fit.air_zero_deviation
-    return float(off * off)
+    return not without + cost_of_air(fit) < cost + SIGNIFICANT
 
 
 @compiled
