@@ -10,7 +10,8 @@ import yaml
 
 from hc_bringup import bench_latency, machine_wake_ups
 from hc_bringup.array_messages import with_array_messages
-from hc_bringup.commands.run import wants_page, with_parameters
+from hc_bringup.commands.run import ask_for_realtime, wants_page, with_parameters
+from hc_bringup.errors import UserError
 from hc_bringup.paths import find_config
 from hc_bringup.plan import load_plan
 from hc_sim_rig.scenario import SCENARIO_FOLDER
@@ -48,6 +49,13 @@ def test_a_fast_rig_sends_arrays_by_itself(tmp_path):
     assert with_array_messages(other) == other
     nothing = with_parameters(slow, "indenter", {"scenario": str(tmp_path / "none.yaml")})
     assert with_array_messages(nothing) == nothing
+
+
+@pytest.mark.parametrize("priority", [0, 100, 500, -1])
+def test_a_priority_that_is_none_is_told_of_the_option(priority):
+    """Regression: "HC_REALTIME is '500'", which the user had not set."""
+    with pytest.raises(UserError, match=f"--realtime {priority}: give a priority from 1 to 99"):
+        ask_for_realtime(priority, None)
 
 
 def test_a_program_that_may_look_needs_the_page():

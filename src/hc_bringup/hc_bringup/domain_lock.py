@@ -7,14 +7,14 @@ the process however that ends; and whoever connects is told the process id of it
 
 from __future__ import annotations
 
-import os
 import socket
 import struct
 from pathlib import Path
 from types import TracebackType
 
-from hc_bringup.errors import FAILURE, UserError
+from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.process_state import is_stopped
+from hc_msgs_py import middleware
 
 HIGHEST_DOMAIN = 101
 """Above it the ports of DDS leave the range that Linux keeps free."""
@@ -27,11 +27,10 @@ def domain_id() -> int:
     Raises:
         UserError: if ROS_DOMAIN_ID is not a number that a domain can have.
     """
-    text = os.environ.get("ROS_DOMAIN_ID") or "0"
-    # 232 is the last one whose ports fit into 16 bits.
-    if not (text.isascii() and text.isdigit() and int(text) <= 232):
-        raise UserError(f"ROS_DOMAIN_ID={text[:40]!r} is no domain: give a number from 0 to 232")
-    return int(text)
+    try:
+        return middleware.domain_id()
+    except middleware.NoDomainError as error:
+        raise UserError(str(error), WRONG_USE) from error
 
 
 class DomainLock:
