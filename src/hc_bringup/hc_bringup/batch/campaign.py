@@ -24,6 +24,7 @@ from hc_bringup.batch.tables import Done
 from hc_bringup.batch.variants import Variant
 from hc_bringup.batch.work import Answer, ResultError, Task, read_result
 from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.estimate_table import has_pyarrow
 from hc_bringup.plain_json import finite
 from hc_logger.new_file import new_file
 
@@ -241,13 +242,6 @@ class Campaign:
                 for name in files:
                     if _LEFT_OVER.fullmatch(name):
                         Path(folder, name).unlink(missing_ok=True)
-
-
-def has_pyarrow() -> bool:
-    """Whether Parquet can be written here."""
-    import importlib.util
-
-    return importlib.util.find_spec("pyarrow") is not None
 
 
 def _hash_of(path: Path) -> str:

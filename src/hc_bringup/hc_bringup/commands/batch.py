@@ -81,11 +81,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from hc_bringup.batch.campaign import Campaign, has_pyarrow
+    from hc_bringup.batch.campaign import Campaign
     from hc_bringup.batch.engines import SchedulerGoneError
     from hc_bringup.batch.sources import find_recordings, names_of
     from hc_bringup.batch.variants import variants
     from hc_bringup.batch.work import ResultError, WrongSoftwareError
+    from hc_bringup.estimate_table import has_pyarrow
     from hc_bringup.progress import long_bar
 
     for name, count in (("-j", arguments.jobs), ("--local-cluster", arguments.local_cluster or 1)):
