@@ -27,10 +27,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--loop", action="store_true", help="start again at the end, until Ctrl-C")
     parser.add_argument(
-        "--start", type=seconds, default=0.0, metavar="S", help="begin S seconds into the bag"
+        "--start", type=seconds, default=0.0, metavar="S", help="begin S s after the first sample"
     )
     parser.add_argument(
-        "--duration", type=seconds, default=0.0, metavar="S", help="play S seconds (0: to the end)"
+        "--duration",
+        type=seconds,
+        default=0.0,
+        metavar="S",
+        help="play S s from there (0: to the end)",
     )
     parser.add_argument("--estimator", action="store_true", help="start a fresh estimator beside")
     parser.add_argument("--filter", metavar="F", help="the same, with this filter")
