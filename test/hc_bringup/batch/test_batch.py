@@ -6,7 +6,6 @@ import csv
 import json
 import os
 import random
-import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -153,8 +152,12 @@ def test_resume_does_not_replace_the_tables_of_another_study(
     assert batch(folder, "-o", target, "--resume", "--estimates") == 0  # more of the same
 
 
+@pytest.mark.process
 def test_two_do_not_work_in_one_folder(
-    make_recordings: MakeRecordings, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    make_recordings: MakeRecordings,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    processes: Any,
 ) -> None:
     """Regression: both said that they had written the tables; and a lock must not stay behind."""
     folder, target = make_recordings(1), tmp_path / "out"
@@ -166,9 +169,8 @@ def test_two_do_not_work_in_one_folder(
         "lock = take(sys.argv[1]); print('held', flush=True); time.sleep(600)"
     )
     name = f"hc_batch_in_folder_{here.st_dev}_{here.st_ino}"
-    other = subprocess.Popen([sys.executable, "-c", holds, name], stdout=subprocess.PIPE, text=True)
+    other = processes.start("-c", holds, name)
     try:
-        assert other.stdout is not None
         assert other.stdout.readline() == "held\n"
         assert batch(folder, "-o", tmp_path / "link") == 1
         assert f"process {other.pid} works in" in capsys.readouterr().err
