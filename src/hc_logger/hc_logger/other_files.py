@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import Final
 
-from hc_logger.compressions import COMPRESSIONS, compression_of
+from hc_logger.compressions import BY_SUFFIX, COMPRESSIONS, compression_of
 from hc_logger.errors import BagError
 
 _AS_TABLE: Final = "write its columns as a table with the header time_s,displacement_mm,force_N"
@@ -82,4 +82,7 @@ def what_begins_with(first: bytes, suffix: str = "") -> str:
         if suffix == ".npz":
             return f"holds arrays of NumPy: {_AS_TABLE} (numpy.savetxt)"
         return "is an archive: unpack it first (unzip)"
-    return next((said for beginning, said in _BEGINNINGS if first.startswith(beginning)), "")
+    said = next((said for beginning, said in _BEGINNINGS if first.startswith(beginning)), "")
+    if not said and suffix in BY_SUFFIX:
+        return f"is not compressed, as {suffix} says: name it as what it is, .csv for a table"
+    return said
