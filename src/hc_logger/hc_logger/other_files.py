@@ -41,15 +41,19 @@ def check_there(path: Path) -> None:
     """See that there is a file or a folder, which may be read more than once.
 
     Raises:
-        BagError: if there is nothing, or a pipe or a device.
+        BagError: if there is nothing, a pipe or a device, or it cannot be got at.
     """
     if str(path) == "-" or (path.exists() and not (path.is_file() or path.is_dir())):
         raise BagError(
             f"{path} is a pipe or a device, and a recording is read more than once: write it to a "
             "file first (... > press.csv)"
         )
-    if not path.exists():
-        raise BagError(f"{path} does not exist")
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        raise BagError(f"{path} does not exist") from None
+    except OSError as error:  # links that lead to each other, say
+        raise BagError(f"{path} cannot be read: {error.strerror}") from error
 
 
 def what_it_is(path: str | os.PathLike[str]) -> str:

@@ -368,6 +368,7 @@ def test_wrong_use_is_one_line(
     good = (str(folder), "-o", str(target))
     for words, says in (
         ((str(folder / "none*.csv"), "-o", str(target)), "names no recording"),
+        ((str(folder), "-o", str(folder)), "is in the folder of the results: choose another one"),
         ((str(folder), "-o", str(tmp_path / "full")), "holds something else"),
         ((str(folder), "-o", str(tmp_path / "full"), "--resume"), "holds something else"),
         ((str(folder), "-o", str(tmp_path / "full" / "thesis.tex")), "is a file"),

@@ -93,12 +93,16 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
     from hc_bringup.plan import NodePlan, RunPlan
     from hc_estimator.ros.node_settings import LARGEST_BACKLOG
     from hc_logger.csv_open import is_text
+    from hc_logger.errors import BagError
+    from hc_logger.other_files import check_there
     from hc_logger.type_names import SAMPLE_TYPE, SAMPLES_TYPE
     from hc_msgs_py.topics import ESTIMATE, ESTIMATES, SAMPLE, SAMPLES
 
     source = Path(arguments.input).absolute()
-    if not source.exists():
-        raise UserError(f"{arguments.input} does not exist", WRONG_USE)
+    try:
+        check_there(Path(arguments.input))
+    except BagError as error:
+        raise UserError(str(error), WRONG_USE) from error
     if is_text(source) and source.is_file():
         raise UserError(
             f"{arguments.input} is a table in text: make a bag of it first with hc bag convert",
