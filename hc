@@ -176,7 +176,7 @@ fi
 # full: without it the next start makes it anew.
 marker=$environment/.starting.
 for left in "$marker"*; do
-    if [ -e "$left" ] && [ ! -e "/proc/${left#"$marker"}" ]; then
+    if [ -w "$left" ] && [ ! -e "/proc/${left#"$marker"}" ]; then
         printf 'hc: the last start broke off within Python: its byte code is made anew\n' >&2
         rm -rf "$PYTHONPYCACHEPREFIX" "$left"
     fi
