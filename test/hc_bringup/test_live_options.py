@@ -70,7 +70,7 @@ def test_a_program_that_may_look_needs_the_page():
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("run", "--realtime", "100"), "HC_REALTIME is '100', not a whole number from 1 to 99"),
+        (("run", "--realtime", "100"), "--realtime 100: give a priority from 1 to 99"),
         (("run", "--cpus", "70000"), "processors '70000' are not"),
         (("run", "--cpus", "a,b"), "processors 'a,b' are not a list like 0,2-3"),
         # A browser sends neither a slash nor capitals, and nothing equals *: these let nobody in.
@@ -80,7 +80,7 @@ def test_a_program_that_may_look_needs_the_page():
         (("dashboard", "--allow-origin", "http://a\nb"), "is not an origin"),
         (("bench", "latency", "--subscribers", "0"), "--subscribers 0 is not from 1 to 64"),
         (("bench", "latency", "--picture", "no/such/folder.png"), "in a folder that exists"),
-        (("bench", "latency", "--realtime", "0"), "HC_REALTIME is '0'"),
+        (("bench", "latency", "--realtime", "0"), "--realtime 0: give a priority from 1 to 99"),
     ],
 )
 def test_what_cannot_be_is_one_line(shell, monkeypatch, words, said):
