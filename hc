@@ -171,11 +171,22 @@ if ! is_current environment || ! is_current messages; then
     exec 9>&-
 fi
 
+# A start takes the marker of its own away as soon as it is at our code (hc_bringup/byte_code.py).
+# One that stayed behind is of a Python that could not even read its byte code, as after a disk was
+# full: without it the next start makes it anew.
+marker=$environment/.starting.
+for left in "$marker"*; do
+    if [ -w "$left" ] && [ ! -e "/proc/${left#"$marker"}" ]; then
+        printf 'hc: the last start broke off within Python: its byte code is made anew\n' >&2
+        rm -rf "$PYTHONPYCACHEPREFIX" "$left"
+    fi
+done
+
 # Packages beside the user's files must not shadow ours.
 export PYTHONSAFEPATH=1
 export HC_ROOT="$root"
 # An interrupt waits until the command can answer it (hc_bringup/entry.py), where env knows how.
-if env --block-signal=INT true 2>/dev/null; then
-    exec env --block-signal=INT "$environment/bin/hc" "$@"
-fi
-exec "$environment/bin/hc" "$@"
+blocking=''
+env --block-signal=INT true 2>/dev/null && blocking='env --block-signal=INT'
+{ true >"$marker$$"; } 2>/dev/null || true # where nothing can be written nothing is damaged
+exec $blocking "$environment/bin/hc" "$@"

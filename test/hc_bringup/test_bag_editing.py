@@ -212,6 +212,8 @@ def test_nodes_beside_a_simulated_clock_go_by_it(words) -> None:
         ("robot_run", "--seed 3", "--seed given, but the configuration starts no rig"),
         ("robot_run", "--rate 3", "--rate given, but the configuration starts no rig"),
         ("run", "--filter ukf --param filter=ekf", "filter is given twice"),
+        ("run", "--param recorder.output=there", "recorder.output: .* is given by --bag DIR"),
+        ("run", "--param recorder.custom_data=[a=b]", "a run says there itself"),
     ],
 )
 def test_options_that_fit_no_node_are_refused(config, words, expected) -> None:

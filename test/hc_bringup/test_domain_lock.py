@@ -2,18 +2,55 @@
 
 import os
 import signal
+import subprocess
+import sys
 import time
 
 import pytest
 
-from hc_bringup.domain_lock import DomainLock
+from hc_bringup import cli
+from hc_bringup.domain_lock import DomainLock, domain_id
 from hc_bringup.errors import UserError
 from hc_bringup.process_state import is_stopped
+from hc_bringup.reach import speak_to_nodes
 
 HOLDS = (
     "import sys, time; from hc_bringup.domain_lock import DomainLock\n"
     "with DomainLock(int(sys.argv[1])): print('held', flush=True); time.sleep(600)"
 )
+
+
+@pytest.mark.parametrize("number", ["abc", "999", "-1", "7 7", "9" * 5000])
+@pytest.mark.parametrize("ask", [domain_id, speak_to_nodes])
+def test_what_is_no_domain_is_refused_alike_everywhere(monkeypatch, ask, number):
+    """Regression: "internal error: RCLError", or some other domain, by all commands but hc run."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", number)
+    told = r"ROS_DOMAIN_ID='.*' is no domain: give a number from 0 to 232"
+    with pytest.raises(UserError, match=told):
+        ask()
+
+
+@pytest.mark.parametrize("words", [["record", "--all"], ["dashboard"]])
+def test_commands_that_are_nodes_refuse_it_before_they_say_anything(monkeypatch, capsys, words):
+    monkeypatch.setenv("ROS_DOMAIN_ID", "999")
+    assert cli.main(words) == 2
+    said = capsys.readouterr()
+    expected = f"hc {words[0]}: ROS_DOMAIN_ID='999' is no domain: give a number from 0 to 232\n"
+    assert (said.out, said.err) == ("", expected)
+
+
+@pytest.mark.process
+def test_a_node_refuses_what_is_no_domain():
+    for module in ("hc_logger.recorder_node", "hc_bringup.dashboard.node"):
+        done = subprocess.run(
+            [sys.executable, "-m", module],
+            env={**os.environ, "ROS_DOMAIN_ID": "7 7"},
+            capture_output=True,
+            text=True,
+            timeout=120,
+        )
+        assert done.returncode == 2
+        assert done.stderr == "ROS_DOMAIN_ID='7 7' is no domain: give a number from 0 to 232\n"
 
 
 @pytest.mark.process

@@ -10,7 +10,8 @@ import yaml
 
 from hc_bringup import bench_latency, machine_wake_ups
 from hc_bringup.array_messages import with_array_messages
-from hc_bringup.commands.run import wants_page, with_parameters
+from hc_bringup.commands.run import ask_for_realtime, wants_page, with_parameters
+from hc_bringup.errors import UserError
 from hc_bringup.paths import find_config
 from hc_bringup.plan import load_plan
 from hc_sim_rig.scenario import SCENARIO_FOLDER
@@ -50,6 +51,13 @@ def test_a_fast_rig_sends_arrays_by_itself(tmp_path):
     assert with_array_messages(nothing) == nothing
 
 
+@pytest.mark.parametrize("priority", [0, 100, 500, -1])
+def test_a_priority_that_is_none_is_told_of_the_option(priority):
+    """Regression: "HC_REALTIME is '500'", which the user had not set."""
+    with pytest.raises(UserError, match=f"--realtime {priority}: give a priority from 1 to 99"):
+        ask_for_realtime(priority, None)
+
+
 def test_a_program_that_may_look_needs_the_page():
     """Regression: --allow-origin without --dashboard did nothing."""
     options = {"dashboard": None, "headless": True, "json": True, "control": False}
@@ -62,7 +70,7 @@ def test_a_program_that_may_look_needs_the_page():
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("run", "--realtime", "100"), "HC_REALTIME is '100', not a whole number from 1 to 99"),
+        (("run", "--realtime", "100"), "--realtime 100: give a priority from 1 to 99"),
         (("run", "--cpus", "70000"), "processors '70000' are not"),
         (("run", "--cpus", "a,b"), "processors 'a,b' are not a list like 0,2-3"),
         # A browser sends neither a slash nor capitals, and nothing equals *: these let nobody in.
@@ -72,7 +80,7 @@ def test_a_program_that_may_look_needs_the_page():
         (("dashboard", "--allow-origin", "http://a\nb"), "is not an origin"),
         (("bench", "latency", "--subscribers", "0"), "--subscribers 0 is not from 1 to 64"),
         (("bench", "latency", "--picture", "no/such/folder.png"), "in a folder that exists"),
-        (("bench", "latency", "--realtime", "0"), "HC_REALTIME is '0'"),
+        (("bench", "latency", "--realtime", "0"), "--realtime 0: give a priority from 1 to 99"),
     ],
 )
 def test_what_cannot_be_is_one_line(shell, monkeypatch, words, said):

@@ -43,6 +43,18 @@ def test_fields_by_path() -> None:
     assert yaml.safe_load(as_yaml(field(message, "parameters")))[0]["name"] == "a"
 
 
+def test_a_field_that_is_not_there_is_missed_where_it_should_be() -> None:
+    """Regression: "no field 'nosuch' in 'nosuch'"."""
+    for path, told in (
+        ("nosuch", "no field 'nosuch' in hc_msgs/HuntCrossleyEstimate; fields there: header, "),
+        ("header.nix", "no field 'nix' in std_msgs/Header; fields there: stamp, frame_id"),
+        ("stiffness.nix", "no field 'nix' in stiffness.nix; fields there: none"),
+    ):
+        with pytest.raises(UserError) as caught:
+            field(estimate(), path)
+        assert str(caught.value).startswith(told)
+
+
 @pytest.mark.parametrize("path", ["nix", "header.nix", "covariance[99]", "covariance[x]"])
 def test_wrong_paths_are_told_in_one_line(path: str) -> None:
     with pytest.raises(UserError) as caught:

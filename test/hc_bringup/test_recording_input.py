@@ -130,6 +130,8 @@ def test_a_time_offset_of_a_table_puts_every_reading_at_its_own_stamp(press_tabl
     [
         ("force.axis=z", "force.axis is for a bag: of a CSV say force.sign, "),
         ("force.sign=2", "force.sign=2 is not 1 or -1"),
+        ("force.scale=0", "force.scale=0 is not a number from 1e-09"),
+        ("position.scale=-1", "position.scale=-1 is not a number from 1e-09"),
         ("position.time_offset=1e300", "position.time_offset=1e+300 s is not a number up to 1e+09"),
     ],
 )

@@ -47,10 +47,37 @@ def test_a_compressed_table_is_read_as_what_is_in_it(tmp_path: Path, suffix: str
 def test_a_compressed_table_that_was_cut_off_is_refused(tmp_path: Path, suffix: str) -> None:
     content = COMPRESS[suffix](HEADER + TABLE)
     path = tmp_path / f"press.csv{suffix}"
-    for damaged in (content[: len(content) // 2], HEADER + TABLE):
-        path.write_bytes(damaged)
-        with pytest.raises(BagError, match=r"(damaged, cut off|cannot read)"):
+    path.write_bytes(content[: len(content) // 2])
+    with pytest.raises(BagError, match=r"(damaged, cut off|cannot read)"):
+        read_recording(path)
+
+
+@pytest.mark.parametrize("suffix", COMPRESS)
+def test_compressed_under_the_name_of_a_plain_table_it_is_read(tmp_path: Path, suffix: str) -> None:
+    """Regression: "is not a text file; if it is one in UTF-16, say so"."""
+    path = tmp_path / "press.csv"
+    path.write_bytes(COMPRESS[suffix](HEADER + TABLE))
+    assert len(read_recording(path).time_s) == 2000
+
+
+def test_what_else_has_the_name_of_a_table_is_called_what_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "press.csv"
+    for first, said in ((b"\x28\xb5\x2f\xfd", "unzstd"), (b"PK\x03\x04", "archive")):
+        path.write_bytes(first + bytes(range(256)))
+        with pytest.raises(BagError, match=said):
             read_recording(path)
+    path.write_text("BZh,t\n" + HEADER.decode() + TABLE.decode())  # some text
+    assert len(read_recording(path).time_s) == 2000
+
+
+@pytest.mark.parametrize("name", ["press.gz", "press.csv.gz", "press.txt.XZ"])
+def test_a_plain_text_named_as_compressed_says_so(tmp_path: Path, name: str) -> None:
+    """Regression: "is not an MCAP file"."""
+    path = tmp_path / name
+    path.write_bytes(HEADER + TABLE)
+    said = rf"is not compressed, as {path.suffix.lower()} says: name it as what it is, \.csv"
+    with pytest.raises(BagError, match=said):
+        read_recording(path)
 
 
 @pytest.mark.timeout(30)

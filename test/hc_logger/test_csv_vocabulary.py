@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from hc_logger.csv_columns import candidates
 from hc_logger.csv_options import parse_assignments
 from hc_logger.csv_vocabulary import QUANTITIES, split_name, unit_of
+from hc_logger.errors import BagError
+from hc_logger.recording import read_recording
 
 
 def test_an_assignment_may_hold_commas() -> None:
@@ -74,3 +78,34 @@ def test_a_name_nobody_knows_is_settled_by_a_unit_that_is_there_once() -> None:
     assert candidates("force", ["kraften (N)", "vikt (N)"], [0, 1]) == ([0, 1], "")
     assert candidates("force", ["massa (g)"], [0]) == ([], "")
     assert candidates("force", ["kraften max (N)"], [0]) == ([], "")
+
+
+@pytest.mark.parametrize(
+    "units", ["[s],[mm],[N]", "s,mm,N", "(sec),(mm),", "[s],-,[N]", "Sekunden,Millimeter,Newton"]
+)
+def test_a_line_of_units_below_our_own_names_is_passed_over(tmp_path: Path, units: str) -> None:
+    """Regression: "line 2: time_s is '[s]' instead of a number"; other names could have one."""
+    path = tmp_path / "press.csv"
+    rows = "".join(f"{k * 0.001:.3f},1.5,0.25\n" for k in range(50))
+    path.write_text(f"time_s,displacement_mm,force_N\n{units}\n{rows}")
+    read = read_recording(path)
+    assert len(read.time_s) == 50
+    assert (read.displacement_mm == 1.5).all()
+
+
+@pytest.mark.parametrize(
+    ("units", "said"),
+    [
+        ("[ms],[mm],[N]", r"line 2 says that time_s is in \[ms\], and its name that it is in s"),
+        ("[s],[m],[N]", r"displacement_mm is in \[m\], and its name that it is in mm"),
+        ("s,mm,kN", r"force_N is in kN, and its name that it is in N: mend the wrong one"),
+    ],
+)
+def test_units_that_disagree_with_our_own_names_are_refused(
+    tmp_path: Path, units: str, said: str
+) -> None:
+    path = tmp_path / "press.csv"
+    rows = "".join(f"{k * 0.001:.3f},1.5,0.25\n" for k in range(50))
+    path.write_text(f"time_s,displacement_mm,force_N\n{units}\n{rows}")
+    with pytest.raises(BagError, match=said):
+        read_recording(path)

@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 
 from hc_logger.bag import Message
+from hc_logger.edit import filter_bag
 from hc_logger.errors import BagError
 from hc_logger.keyboard import Keyboard, key_names
+from hc_logger.origin import origin_ns
 from hc_logger.playback import Playback
 from hc_logger.reader import BagReader
 from hc_logger.selection import TopicSelection
@@ -90,6 +92,43 @@ def test_it_begins_with_the_first_message_of_the_chosen_topics(
         with pytest.raises(ValueError, match="lasts only"):
             Playback(reader, sink, SAMPLES, start_offset_s=0.2)
     assert len(sink.messages) == 50
+
+
+def test_seconds_count_from_the_first_sample_whatever_lies_before_it(
+    tmp_path: Path, sample_messages: Callable[..., list[bytes]]
+) -> None:
+    """Regression: --start 2 meant the second second of the diagnostics before the samples."""
+    with BagWriter(tmp_path / "bag") as writer:
+        samples = writer.add_topic("indenter/sample", "hc_msgs/msg/IndenterSample")
+        other = writer.add_topic("/other", "std_msgs/msg/Header")
+        for k in range(40):
+            writer.write(other, k * 100_000_000, b"\0\1\0\0" + bytes(13))
+        for k, data in enumerate(sample_messages(np.arange(100), np.arange(100))):
+            writer.write(samples, 5_000_000_000 + k * 1_000_000, data)
+    with BagReader(tmp_path / "bag") as reader:
+        whole = Playback(reader, Sink(), ALL, duration_s=0.02)
+        assert (whole.first_ns, whole.last_ns) == (0, 5_020_000_000)
+        part = Playback(reader, Sink(), ALL, start_offset_s=0.03, duration_s=0.02)
+        assert (part.first_ns, part.last_ns) == (5_030_000_000, 5_050_000_000)
+        with pytest.raises(ValueError, match=r"lasts only 0.099 s from its first sample on"):
+            Playback(reader, Sink(), ALL, start_offset_s=0.2)
+    count, _ = filter_bag(tmp_path / "bag", tmp_path / "part", start_s=0.03, duration_s=0.02)
+    assert count == 21
+    count, _ = filter_bag(tmp_path / "bag", tmp_path / "begin", duration_s=0.02)
+    assert count == 40 + 21
+    with pytest.raises(BagError, match=r"0.099 s long from its first sample on: nothing is left"):
+        filter_bag(tmp_path / "bag", tmp_path / "none", start_s=2.0)
+
+
+def test_of_a_robot_they_count_from_where_both_sensors_are_there(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag") as writer:
+        joints = writer.add_topic("/joint_states", "sensor_msgs/msg/JointState")
+        force = writer.add_topic("/wrench", "geometry_msgs/msg/WrenchStamped")
+        for k in range(4):
+            writer.write(joints, 7_000 + k, b"\0\1\0\0")
+        writer.write(force, 7_003, b"\0\1\0\0")
+    with BagReader(tmp_path / "bag") as reader:
+        assert origin_ns(reader) == 7_003
 
 
 def test_loop_and_window(make_bag: MakeBag, start_ns: int) -> None:

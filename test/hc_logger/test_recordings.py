@@ -58,6 +58,9 @@ def test_an_error_far_into_the_file_leaves_no_bag_behind(tmp_path: Path) -> None
 
 
 def test_what_is_not_there_or_neither_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "loop.csv").symlink_to("loop.csv")
+    with pytest.raises(BagError, match=r"loop\.csv cannot be read: Too many levels of symbolic"):
+        read_recording(tmp_path / "loop.csv")
     with pytest.raises(BagError, match="does not exist"):
         read_recording(tmp_path / "none.csv")
     with pytest.raises(BagError, match="neither a CSV file"):

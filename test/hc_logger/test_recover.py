@@ -37,6 +37,32 @@ def test_a_whole_bag_is_copied_and_nothing_was_lost(make_bag: MakeBag, tmp_path:
         recover_bag(source, tmp_path / "new")
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{{{:::",
+        "",
+        "rosbag2_bagfile_information: {}",
+        "rosbag2_bagfile_information: {storage_identifier: mcap,"
+        " relative_file_paths: [../other_0.mcap]}",
+    ],
+)
+def test_metadata_that_are_no_use_are_left_out_of_account(
+    make_bag: MakeBag, tmp_path: Path, text: str
+) -> None:
+    """Regression: hc bag recover said that the bag can be rebuilt with hc bag recover."""
+    source = make_bag(count=500)
+    whole = all_messages(source)
+    (source / "metadata.yaml").write_text(text)
+    with pytest.raises(BagError):
+        BagReader(source)
+    report = recover_bag(source, tmp_path / "new")
+    assert len(report.problems) == 1
+    assert "metadata.yaml" in report.problems[0]
+    assert report.lines()[-1] == "lost 0 bytes"
+    assert all_messages(tmp_path / "new") == whole
+
+
 def test_a_cut_bag_becomes_clean(make_bag: MakeBag, tmp_path: Path) -> None:
     """Cut at 30 places, with and without metadata.yaml: every whole chunk is kept."""
     source = make_bag(count=1000, chunk_bytes=4096)

@@ -1,24 +1,21 @@
 """One run in a ROS domain at a time: two would take each other's samples for their own.
 
-A run listens on a socket in the abstract namespace, whose name is the domain's. The kernel lets
-one process have it, across users, within the network that the nodes speak over; it is gone with
-the process however that ends; and whoever connects is told the process id of its owner.
+The lock (named_lock.py) has the domain's name. It holds across users, within the network that the
+nodes speak over.
 """
 
 from __future__ import annotations
 
-import os
 import socket
-import struct
-from pathlib import Path
 from types import TracebackType
 
-from hc_bringup.errors import FAILURE, UserError
+from hc_bringup.errors import FAILURE, WRONG_USE, UserError
+from hc_bringup.named_lock import owner_of, take
 from hc_bringup.process_state import is_stopped
+from hc_msgs_py import middleware
 
 HIGHEST_DOMAIN = 101
 """Above it the ports of DDS leave the range that Linux keeps free."""
-_CREDENTIALS = struct.Struct("3i")  # process, user and group id
 
 
 def domain_id() -> int:
@@ -27,11 +24,10 @@ def domain_id() -> int:
     Raises:
         UserError: if ROS_DOMAIN_ID is not a number that a domain can have.
     """
-    text = os.environ.get("ROS_DOMAIN_ID") or "0"
-    # 232 is the last one whose ports fit into 16 bits.
-    if not (text.isascii() and text.isdigit() and int(text) <= 232):
-        raise UserError(f"ROS_DOMAIN_ID={text[:40]!r} is no domain: give a number from 0 to 232")
-    return int(text)
+    try:
+        return middleware.domain_id()
+    except middleware.NoDomainError as error:
+        raise UserError(str(error), WRONG_USE) from error
 
 
 class DomainLock:
@@ -47,9 +43,9 @@ class DomainLock:
         Raises:
             UserError: if another run has it; names its process, and a domain that is free.
         """
-        self._socket = _take(self._domain)
+        self._socket = take(_name(self._domain))
         if self._socket is None:
-            number, owner = _owner(self._domain)
+            number, owner = owner_of(_name(self._domain))
             free = next((d for d in range(1, HIGHEST_DOMAIN + 1) if _is_free(d)), None)
             way_out = "end it first"
             if number is not None and _seems_stopped(number):
@@ -75,22 +71,11 @@ class DomainLock:
 
 
 def _name(domain: int) -> str:
-    return f"\0hc_run_in_ros_domain_{domain}"
-
-
-def _take(domain: int) -> socket.socket | None:
-    listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)  # not inherited by children
-    try:
-        listener.bind(_name(domain))
-        listener.listen()
-    except OSError:
-        listener.close()
-        return None
-    return listener
+    return f"hc_run_in_ros_domain_{domain}"
 
 
 def _is_free(domain: int) -> bool:
-    listener = _take(domain)
+    listener = take(_name(domain))
     if listener is not None:
         listener.close()
     return listener is not None
@@ -101,26 +86,3 @@ def _seems_stopped(number: int) -> bool:
         return is_stopped(number)
     except OSError:  # it has ended just now
         return False
-
-
-def _owner(domain: int) -> tuple[int | None, str]:
-    """Say who has the domain: the process id, and in words with what was typed."""
-    try:
-        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asking:
-            asking.settimeout(1.0)
-            asking.connect(_name(domain))
-            size = _CREDENTIALS.size
-            raw = asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, size)
-    except OSError:  # it has ended just now, or does not answer
-        return None, "another process"
-    number, _, _ = _CREDENTIALS.unpack(raw)
-    try:
-        words = Path(f"/proc/{number}/cmdline").read_bytes().decode(errors="replace").split("\0")
-    except OSError:
-        return number, f"process {number}"
-    names = [Path(word).name for word in words]
-    start = next((i for i, name in enumerate(names) if name in ("hc", "hc_bringup")), None)
-    if start is None:
-        return number, f"process {number}"
-    typed = " ".join(["hc", *words[start + 1 :]]).strip()
-    return number, f"process {number} ({''.join(filter(str.isprintable, typed))[:80]})"

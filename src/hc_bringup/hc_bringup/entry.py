@@ -6,6 +6,9 @@ traceback. An interrupt that came meanwhile is delivered here.
 
 import signal
 
+from hc_bringup import byte_code
+
+byte_code.arrived()
 signal.signal(signal.SIGINT, signal.SIG_DFL)
 signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
 
@@ -34,8 +37,13 @@ def main() -> int:
     import sys
     import warnings
 
-    from hc_bringup import cli, last_resort
-    from hc_msgs_py.warnings_of_others import ignore_those_of_others
+    byte_code.spare_a_full_disk()
+    try:
+        from hc_bringup import cli, last_resort
+        from hc_msgs_py.warnings_of_others import ignore_those_of_others
+    except (EOFError, ValueError, TypeError, ImportError) as error:
+        byte_code.start_again(error)
+        raise
 
     _open_what_is_closed()
     if not sys.warnoptions:

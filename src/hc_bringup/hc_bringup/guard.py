@@ -15,6 +15,7 @@ import traceback
 from datetime import datetime
 from pathlib import Path
 
+from hc_bringup import byte_code
 from hc_bringup.errors import FAILURE, UserError
 from hc_msgs_py.entry_points import FaultOfAnotherError
 from hc_msgs_py.free_memory import NotEnoughMemoryError
@@ -40,6 +41,8 @@ def explain(error: BaseException, words: list[str]) -> UserError:
     """
     if isinstance(error, NotEnoughMemoryError):
         return UserError(str(error), FAILURE)
+    if byte_code.is_damaged(error):
+        return UserError(byte_code.clear(), FAILURE)
     if isinstance(error, MemoryError):
         return UserError("not enough memory for this (see ulimit -v)", FAILURE)
     if isinstance(error, OSError) and error.strerror:

@@ -72,6 +72,8 @@ def field(message: Any, path: str) -> Any:
         names: dict[str, str] = getattr(value, "get_fields_and_field_types", dict)()
         if part not in names:
             known = ", ".join(names) or "none"
-            raise UserError(f"no field {part!r} in {path!r}; fields there: {known}", WRONG_USE)
+            kind = type(value)
+            what = f"{kind.__module__.split('.')[0]}/{kind.__name__}" if names else path
+            raise UserError(f"no field {part!r} in {what}; fields there: {known}", WRONG_USE)
         value = getattr(value, part)
     return value

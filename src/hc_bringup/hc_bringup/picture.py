@@ -12,6 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.lib.recfunctions import repack_fields
 
+from hc_bringup.cut_time import cut_gaps
+from hc_bringup.picture_cuts import show_cuts
 from hc_bringup.run_data import Array, RunData
 from hc_estimator import PARAMETER_NAMES
 from hc_evaluation.channels import GAP_STEPS
@@ -56,6 +58,8 @@ def draw(data: RunData) -> Figure:
     Whatever the numbers are, NaN, infinite or absurd, there is a picture.
     """
     data = _drawable(data)
+    cut = cut_gaps(data.time_s)
+    data = dataclasses.replace(data, time_s=cut.drawn_s)
     figure = new_figure(7.4, width=11.0)
     # The name of a file may hold any bytes, and a $ in it begins no formula.
     title = data.title.encode("utf-8", "replace").decode()
@@ -77,6 +81,7 @@ def draw(data: RunData) -> Figure:
             axes.axvline(at, color=ALARM, linewidth=THIN)
     for axes in grid[3]:
         axes.set_xlabel("time [s]")
+    show_cuts(grid, cut)
     if data.model_mismatch.any():
         for axes in grid.flat:
             axes.fill_between(
@@ -134,7 +139,13 @@ def _explain_colours(figure: Figure, data: RunData) -> None:
         Line2D([], [], color=MEASURED, linewidth=THICK, label="measured"),
         Line2D([], [], color=ESTIMATED, label="estimate; force: one step ahead"),
         Patch(color=ESTIMATED, alpha=BAND, label="± 2 standard deviations"),
-        Line2D([], [], color=TRUE, linestyle="--", label="true; NIS: ideal"),
+        Line2D(
+            [],
+            [],
+            color=TRUE,
+            linestyle="--",
+            label="ideal NIS" if data.truth is None else "true; NIS: ideal",
+        ),
     ]
     if data.change_detected.any():
         handles.append(Line2D([], [], color=ALARM, label="change of the tissue detected"))

@@ -61,11 +61,14 @@ def read_as(recording: Any, settings: Mapping[str, Any]) -> Any:
     )
 
 
-def why_no_compliance(mm_per_n: float) -> str:
-    """Return what a frame compliance may be if this cannot be one, else nothing."""
-    from hc_estimator.stream.frame_compliance import SETTING
+def what_is_allowed(name: str, value: float) -> str:
+    """Return what a frame compliance or a scale may be if this cannot be one, else nothing."""
+    from hc_estimator.ros.node_settings import NODE_SETTINGS
 
-    return "" if SETTING.accepted(mm_per_n) is not None else SETTING.allowed
+    if not name.endswith((".scale", ".frame_compliance")):
+        return ""
+    setting = NODE_SETTINGS[f"input.{name}"]
+    return "" if setting.accepted(value) is not None else setting.allowed
 
 
 def less_compliance(recording: Any, mm_per_n: float, *, of_samples: bool) -> Any:

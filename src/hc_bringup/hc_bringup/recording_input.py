@@ -21,7 +21,7 @@ from hc_bringup.read_otherwise import (
     less_zeros,
     read_as,
     surface_note,
-    why_no_compliance,
+    what_is_allowed,
 )
 
 ZEROS = ("force.zero", "position.zero")
@@ -215,7 +215,7 @@ def check(arguments: argparse.Namespace) -> None:
             raise UserError(f"--input {name} is none of {', '.join(KIND_OF)}", WRONG_USE)
         if not _is(value, KIND_OF[name]):
             raise UserError(f"--input {name}={value} is not {KIND_OF[name]}", WRONG_USE)
-        if name == COMPLIANCE and (allowed := why_no_compliance(value)):
+        if allowed := what_is_allowed(name, value):
             raise UserError(f"--input {name}={value} is not {allowed}", WRONG_USE)
 
 

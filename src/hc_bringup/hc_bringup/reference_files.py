@@ -27,7 +27,7 @@ Read by `hc estimate`, `hc report`, `hc doctor` and others, in many layouts
 
 {recording}
 
-## Estimates (CSV)
+## Estimates (CSV, compressed or not, parquet)
 
 `hc estimate RECORDING -o OUT.csv`, a row for each sample:
 

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 
-from hc_bringup import last_resort
+from hc_bringup import byte_code, last_resort
 from hc_bringup.domain_lock import DomainLock, domain_id
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.monitor import NOT_STARTED, Monitor
@@ -329,5 +329,6 @@ class NodeDiedError(UserError):
     """A node ended that should not have, with the last lines that it printed."""
 
     def __init__(self, name: str, status: int, output: str) -> None:
-        super().__init__(f"node {name} {describe_exit(status)}")
+        why = f": {byte_code.clear()}" if byte_code.in_output(output) else ""
+        super().__init__(f"node {name} {describe_exit(status)}{why}")
         self.output = output

@@ -58,7 +58,7 @@ def find_layout(path: str | os.PathLike[str], options: CsvOptions | None = None)
     encoding = options.encoding or find_encoding(path)
     lines, left_out = first_lines(path, encoding, options.header_lines or 0)
     if options == CsvOptions(encoding=options.encoding):
-        own = own_layout(lines, encoding)
+        own = own_layout(path, lines, encoding)
         if own is not None:
             return own
     return _Finder(path, options, encoding, lines, left_out).layout()

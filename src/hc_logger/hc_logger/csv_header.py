@@ -49,7 +49,7 @@ def find_header(lines: Sequence[str], table: Table) -> Header:
         names, units = _of_labview(above, table.width)
         return Header(tuple(names), tuple(units), tuple(above[-1]))
     rows = [row for row in above if len(row) == table.width]
-    below = rows.pop() if len(rows) > 1 and _is_of_units(rows[-1]) else []
+    below = rows.pop() if len(rows) > 1 and is_of_units(rows[-1]) else []
     last = tuple(rows[-1]) if rows else ()
     return Header(last, tuple(below), last)
 
@@ -70,7 +70,7 @@ def _of_labview(above: list[list[str]], width: int) -> tuple[list[str], list[str
     return (names if any(names) else []), (units if any(units) else [])
 
 
-def _is_of_units(row: Sequence[str]) -> bool:
+def is_of_units(row: Sequence[str]) -> bool:
     """Whether a line below the names tells their units; some of them may be others than ours."""
     units = [unit_of(cell) for cell in row]
     quantities = {q for q in QUANTITIES for unit in units if unit in UNITS[q]}

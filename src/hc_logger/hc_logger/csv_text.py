@@ -12,6 +12,7 @@ from typing import Final
 from hc_logger.csv_layout import CsvLayout
 from hc_logger.csv_open import open_table
 from hc_logger.errors import BagError
+from hc_logger.other_files import what_begins_with
 
 LOOKED_AT_BYTES: Final = 256 * 1024
 LOOKED_AT_LINES: Final = 400
@@ -69,9 +70,9 @@ def _with_zeros(path: Path, start: bytes) -> str:
             f"{path} ends in zero bytes from line {line} on, as after a crash of what wrote it: "
             "cut them off"
         )
-    raise BagError(
-        f"{path} is not a text file; if it is one in UTF-16, say so: --encoding utf-16-le"
-    )
+    other = what_begins_with(start, path.suffix.lower())
+    in_utf_16 = "is not a text file; if it is one in UTF-16, say so: --encoding utf-16-le"
+    raise BagError(f"{path} {other or in_utf_16}")
 
 
 def first_lines(path: Path, encoding: str, around: int = 0) -> tuple[list[str], int]:

@@ -20,6 +20,7 @@ from hc_logger.convert import Progress, nothing
 from hc_logger.definitions import TypeDefinition, same_definition
 from hc_logger.errors import BagError, BagExistsError
 from hc_logger.foreign import open_bag
+from hc_logger.origin import origin_ns
 from hc_logger.selection import TopicSelection
 from hc_logger.writer import BagWriter, os_errors
 from hc_msgs_py.nearest import hint
@@ -74,8 +75,8 @@ def filter_bag(
         source: bag of any kind; stays as it is.
         target: folder of the new bag; must not exist.
         selection: topics to take; None takes all.
-        start_s: seconds from the bag's beginning.
-        duration_s: seconds to take.
+        start_s: seconds from the first sample (origin.py); 0 takes what lies before it as well.
+        duration_s: seconds to take from there.
         progress: told the done share.
 
     Returns:
@@ -87,11 +88,15 @@ def filter_bag(
     with open_bag(source) as bag:
         topics = _chosen(bag, selection)
         first, last = bag.time_range() or (0, 0)
-        length_s = (last - first) / NANOSECONDS
+        origin = origin_ns(bag) or first
+        length_s = (last - origin) / NANOSECONDS
         if start_s > length_s:
-            raise BagError(f"{source} is {length_s:.3f} s long: nothing is left")
-        begin = first + round(start_s * NANOSECONDS)
+            since = "" if origin == first else " from its first sample on"
+            raise BagError(f"{source} is {length_s:.3f} s long{since}: nothing is left")
+        begin = origin + round(start_s * NANOSECONDS)
         end = last if duration_s > length_s else begin + round(duration_s * NANOSECONDS)
+        if start_s == 0.0:
+            begin = first
         with os_errors(f"cannot write {target}"):
             part = _Part(Path(target), [bag], topics)
             with part.writer:

@@ -15,3 +15,7 @@ class BagExistsError(BagError):
 
 class UnknownTypeError(BagError, UnknownInterfaceError):
     """The message type is not installed here, so its definition is not known."""
+
+
+class MetadataError(BagError):
+    """What metadata.yaml says is no use; the bag's files may be whole."""

@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import yaml
 
-from hc_logger.errors import BagError
+from hc_logger.errors import BagError, MetadataError
 from hc_logger.new_file import new_file
 from hc_msgs_py.plain_yaml import PlainYamlError, load_plain_yaml, read_plain_yaml
 
@@ -164,7 +164,8 @@ def read_information(folder: Path) -> dict[str, Any] | None:
     storage_identifier is a text, relative_file_paths a list of texts, compression_mode a text.
 
     Raises:
-        BagError: if the file is not such YAML.
+        MetadataError: if the file is not such YAML.
+        BagError: if it cannot be read.
     """
     path = folder / FILE_NAME
     if not path.is_file():
@@ -182,7 +183,7 @@ def read_information(folder: Path) -> dict[str, Any] | None:
         raise BagError(f"cannot read {path}: {error.strerror}") from error
     except (PlainYamlError, KeyError, TypeError, AttributeError) as error:
         why = str(error) if isinstance(error, (PlainYamlError, TypeError)) else "it lacks entries"
-        raise BagError(
+        raise MetadataError(
             f"{path} is damaged ({why}); delete it, or rebuild the bag with: hc bag recover"
         ) from error
     return cast("dict[str, Any]", information)

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import Final
 
-from hc_logger.compressions import COMPRESSIONS, compression_of
+from hc_logger.compressions import BY_SUFFIX, COMPRESSIONS, compression_of
 from hc_logger.errors import BagError
 
 _AS_TABLE: Final = "write its columns as a table with the header time_s,displacement_mm,force_N"
@@ -41,15 +41,19 @@ def check_there(path: Path) -> None:
     """See that there is a file or a folder, which may be read more than once.
 
     Raises:
-        BagError: if there is nothing, or a pipe or a device.
+        BagError: if there is nothing, a pipe or a device, or it cannot be got at.
     """
     if str(path) == "-" or (path.exists() and not (path.is_file() or path.is_dir())):
         raise BagError(
             f"{path} is a pipe or a device, and a recording is read more than once: write it to a "
             "file first (... > press.csv)"
         )
-    if not path.exists():
-        raise BagError(f"{path} does not exist")
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        raise BagError(f"{path} does not exist") from None
+    except OSError as error:  # links that lead to each other, say
+        raise BagError(f"{path} cannot be read: {error.strerror}") from error
 
 
 def what_it_is(path: str | os.PathLike[str]) -> str:
@@ -82,4 +86,7 @@ def what_begins_with(first: bytes, suffix: str = "") -> str:
         if suffix == ".npz":
             return f"holds arrays of NumPy: {_AS_TABLE} (numpy.savetxt)"
         return "is an archive: unpack it first (unzip)"
-    return next((said for beginning, said in _BEGINNINGS if first.startswith(beginning)), "")
+    said = next((said for beginning, said in _BEGINNINGS if first.startswith(beginning)), "")
+    if not said and suffix in BY_SUFFIX:
+        return f"is not compressed, as {suffix} says: name it as what it is, .csv for a table"
+    return said

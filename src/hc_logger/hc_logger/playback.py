@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 from hc_logger.bag import Bag, Message
 from hc_logger.errors import BagError
+from hc_logger.origin import origin_ns
 from hc_logger.selection import TopicSelection
 from hc_msgs_py.histogram import DurationHistogram
 
@@ -76,8 +77,9 @@ class Playback:
             selection: which topics.
             rate: recorded seconds per second.
             loop: start again at the end, until stop().
-            start_offset_s: begin so many recorded seconds after the first message of these topics.
-            duration_s: end after so many recorded seconds; 0 plays to the end.
+            start_offset_s: begin so many recorded seconds after the first sample (origin.py); 0
+                plays what lies before it as well.
+            duration_s: end so many recorded seconds after that; 0 plays to the end.
 
         Raises:
             ValueError: if a number is out of range or the bag has nothing to play.
@@ -93,15 +95,18 @@ class Playback:
         first = next(reader.messages(topics), None)
         if first is None:
             raise ValueError(f"{reader.path} has no message on {', '.join(topics)}")
-        lasts_s = (span[1] - first.log_time) * 1e-9
+        origin = origin_ns(reader) or first.log_time
+        lasts_s = (span[1] - origin) * 1e-9
         if start_offset_s > lasts_s:
+            since = "" if origin == span[0] else " from its first sample on"
             raise ValueError(
-                f"start offset is {start_offset_s:g} s, the bag lasts only {lasts_s:g} s"
+                f"start offset is {start_offset_s:g} s, the bag lasts only {lasts_s:g} s{since}"
             )
-        self.first_ns = first.log_time + round(start_offset_s * 1e9)
+        counted_ns = origin + round(start_offset_s * 1e9)
+        self.first_ns = counted_ns if start_offset_s else first.log_time
         self.last_ns = span[1]
-        if 0.0 < duration_s < (span[1] - self.first_ns) * 1e-9:
-            self.last_ns = self.first_ns + round(duration_s * 1e9)
+        if 0.0 < duration_s < (span[1] - counted_ns) * 1e-9:
+            self.last_ns = counted_ns + round(duration_s * 1e9)
         self.published = dict.fromkeys(topics, 0)
         self.loops = 0
         self.error: Exception | None = None

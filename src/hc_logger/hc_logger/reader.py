@@ -14,7 +14,7 @@ from typing import Any
 
 from hc_logger.bag import Bag, Message, Topic
 from hc_logger.definitions import TypeDefinition, same_definition
-from hc_logger.errors import BagError
+from hc_logger.errors import BagError, MetadataError
 from hc_logger.mcap_chunk import Messages
 from hc_logger.mcap_file import ChunkPlace, McapFile
 from hc_logger.metadata import (
@@ -31,8 +31,12 @@ from hc_logger.other_files import check_there
 _OTHER_ENCODINGS = {"ros1": ", as of ROS 1: export them as a CSV"}
 
 
-def bag_files(path: Path) -> tuple[list[Path], list[str]]:
+def bag_files(path: Path, *, trust_metadata: bool = True) -> tuple[list[Path], list[str]]:
     """Return the MCAP files of a bag in order, and the names of those that are not there.
+
+    Args:
+        path: bag folder or MCAP file.
+        trust_metadata: False: take the files that are there, whatever metadata.yaml says.
 
     Raises:
         BagError: if there is none, or the bag is of another storage, or compressed by rosbag2.
@@ -40,7 +44,7 @@ def bag_files(path: Path) -> tuple[list[Path], list[str]]:
     if path.is_file():
         return [path], []
     check_there(path)
-    information = read_information(path)
+    information = read_information(path) if trust_metadata else None
     if information is not None and information["storage_identifier"] != "mcap":
         raise BagError(
             f"{path} is stored as {information['storage_identifier']}; "
@@ -56,7 +60,7 @@ def bag_files(path: Path) -> tuple[list[Path], list[str]]:
         listed = [path / name for name in information["relative_file_paths"]]
         outside = [file.name for file in listed if path.resolve() not in file.resolve().parents]
         if outside:
-            raise BagError(
+            raise MetadataError(
                 f"{path}: {outside[0]}, named in {FILE_NAME}, is not in the bag's folder"
             )
         missing = [file.name for file in listed if not file.is_file()]
@@ -87,15 +91,20 @@ class BagReader(Bag):
         custom_data: texts of the metadata.
     """
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
+    def __init__(self, path: str | os.PathLike[str], *, trust_metadata: bool = True) -> None:
         """Open a bag.
+
+        Args:
+            path: bag folder or MCAP file.
+            trust_metadata: False: read its files alone, as if there were no metadata.yaml.
 
         Raises:
             BagError: if it is missing, empty, or no MCAP bag.
         """
         self.path = Path(path)
         self._unreadable: list[str] = []
-        self.paths, missing = bag_files(self.path)
+        self._trust_metadata = trust_metadata
+        self.paths, missing = bag_files(self.path, trust_metadata=trust_metadata)
         self._unreadable += [f"{name}, named in {FILE_NAME}, is missing" for name in missing]
         self.files = self._open(self.paths)
         information = self._read_information()
@@ -156,7 +165,8 @@ class BagReader(Bag):
 
     def _read_information(self) -> Mapping[str, Any]:
         """Return the metadata: of the folder, else the copy that a finished file holds."""
-        information = read_information(self.path) if self.path.is_dir() else None
+        in_folder = self._trust_metadata and self.path.is_dir()
+        information = read_information(self.path) if in_folder else None
         if information is None:
             text = self.files[-1].scan.metadata.get("rosbag2", {}).get("serialized_metadata", "")
             information = parse_yaml(text)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from hc_logger.convert import Progress, copy_messages, nothing
-from hc_logger.errors import BagError
+from hc_logger.errors import BagError, MetadataError
 from hc_logger.mcap_file import McapFile
 from hc_logger.reader import BagReader
 from hc_logger.writer import BagWriter, os_errors
@@ -80,7 +80,8 @@ def recover_bag(
         BagError: if nothing can be recovered or the target exists.
     """
     source = Path(source)
-    with BagReader(source) as reader:
+    reader, problem = _opened(source)
+    with reader:
         if not reader.topics:
             because = "; ".join(reader.problems) or "it holds no topic"
             raise BagError(f"nothing can be recovered from {source}: {because}")
@@ -90,7 +91,18 @@ def recover_bag(
             with BagWriter(target, custom_data=data) as writer:
                 report.recovered = copy_messages(reader, writer, progress=progress)
         _account(reader, report)
+        if problem:
+            report.problems.insert(0, problem)
     return report
+
+
+def _opened(source: Path) -> tuple[BagReader, str]:
+    """Open a bag; by its files alone, and with one line about it, if its metadata are damaged."""
+    try:
+        return BagReader(source), ""
+    except MetadataError as error:
+        because = str(error).partition(";")[0]
+        return BagReader(source, trust_metadata=False), f"{because}: left out of account"
 
 
 def _account(reader: BagReader, report: RecoveryReport) -> None:

@@ -17,6 +17,8 @@ NETWORK: Final = Path(__file__).with_name("fast_dds.xml")
 RANGE: Final = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 LEFT_TO_PROFILE: Final = "SYSTEM_DEFAULT"
 """Range with which the ROS layer adds nothing to the profile (see fast_dds_this_machine.xml)."""
+HIGHEST_DOMAIN: Final = 232
+"""The last one whose ports fit into 16 bits."""
 _PROFILE_VARIABLES: Final = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 _NO_SECURITY: Final = b"doesn't have the security libraries"
 _LOG_FOLDERS: Final = {"ROS_LOG_DIR": "", "ROS_HOME": "log", "HOME": ".ros/log"}
@@ -30,13 +32,34 @@ class NoSecurityError(Exception):
     """Security was asked for, and the middleware here has none; one line."""
 
 
+class NoDomainError(Exception):
+    """ROS_DOMAIN_ID names no domain; one line."""
+
+
+def domain_id() -> int:
+    """Return the ROS domain of this process.
+
+    Raises:
+        NoDomainError: if ROS_DOMAIN_ID is not a number that a domain can have. The ROS layer would
+            take the beginning of some of them for another domain, and end without a word at others.
+    """
+    text = os.environ.get("ROS_DOMAIN_ID") or "0"
+    if not (text.isascii() and text.isdigit() and len(text) < 9 and int(text) <= HIGHEST_DOMAIN):
+        raise NoDomainError(
+            f"ROS_DOMAIN_ID={text[:40]!r} is no domain: give a number from 0 to {HIGHEST_DOMAIN}"
+        )
+    return int(text)
+
+
 def set_defaults() -> None:
     """Choose range and profile; children inherit them, and calling it again changes nothing.
 
     Raises:
+        NoDomainError: if ROS_DOMAIN_ID is no domain.
         NoSecurityError: if ROS_SECURITY_ENABLE is true and the middleware was built without
             security: it would refuse only where it finds the node's keys, and else run open.
     """
+    domain_id()
     environment = os.environ
     if environment.get("ROS_SECURITY_ENABLE") == "true":
         library = built_without_security()

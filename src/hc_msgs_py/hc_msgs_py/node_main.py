@@ -29,7 +29,7 @@ from rclpy.signals import SignalHandlerOptions
 from hc_msgs_py import realtime
 from hc_msgs_py.clock_watch import ClockWatch
 from hc_msgs_py.entry_points import FaultOfAnotherError
-from hc_msgs_py.middleware import NoSecurityError, set_defaults
+from hc_msgs_py.middleware import NoDomainError, NoSecurityError, set_defaults
 from hc_msgs_py.parameter_requests import answer_impossible_parameters
 from hc_msgs_py.parameter_sections import files_for_others
 from hc_msgs_py.realtime import RealtimeError
@@ -147,7 +147,7 @@ def run_node(
     except UnicodeEncodeError as error:
         print(f"an argument is not in UTF-8: {error.object!a}", file=sys.stderr)  # noqa: T201
         return 2
-    except (RCLError, UnknownROSArgsError, NoSecurityError, RealtimeError) as error:
+    except (RCLError, UnknownROSArgsError, NoDomainError, NoSecurityError, RealtimeError) as error:
         print(_without_source_lines(_one_line(error)), file=sys.stderr)  # noqa: T201
         return 2
     rclpy.logging.set_logger_level("rcl", rclpy.logging.LoggingSeverity.INFO)

@@ -103,14 +103,23 @@ def test_recordings_without_a_touch_that_counts_stay_on_the_page(
     assert "nan ±" not in page
 
 
+def call_it_another_study(target: Path) -> None:
+    """Let what is in the folder be of a study that any other goes on with, as before 2026-11-28."""
+    manifest = json.loads((target / "manifest.json").read_text())
+    del manifest["reading"]
+    (target / "manifest.json").write_text(json.dumps(manifest))
+
+
 def test_with_and_without_sites_are_other_results(make_recordings: MakeRecordings) -> None:
     folder = make_recordings(1)
     target = folder.parent / "out"
     words = ["batch", str(folder), "-o", str(target), "-j", "1", "--filter", "ukf"]
     assert main(words) == 0
     assert not (target / "sites.csv").exists()
+    call_it_another_study(target)
     assert main([*words, "--resume", "--sites"]) == 0
     assert (target / "sites.csv").is_file()
+    call_it_another_study(target)
     assert main([*words, "--resume"]) == 0
     assert not (target / "sites.csv").exists()  # of other results than those that are told now
     assert "site [1]" not in rows(target / "contacts.csv")[0]

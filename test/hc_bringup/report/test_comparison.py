@@ -177,6 +177,7 @@ def test_command(
         ([*both, "-o", str(target)], "exists already"),
         ([*both, "-o", "page.pdf"], ".html"),
         (["--filter", "ukf", "-o", other], "at least two"),
+        (["--filter", "nosuch", "-o", other], "nosuch"),
         (["--filter", "ukf", "--filter", "nope", "-o", other], "nope"),
         (["--filter", "ukf", "--filter", "ukf", "-o", other], "given twice"),
         (["--filter", "ukf", "--with", "ukf nonsense", "-o", other], "name=value"),

@@ -76,6 +76,58 @@ def test_picture_breaks_where_nothing_was_read(make_run: MakeRun) -> None:
     assert across >= 8
 
 
+def with_gap(data: Any, at: int, seconds: float) -> Any:
+    later = data.time_s.copy()
+    later[at:] += seconds
+    return dataclasses.replace(data, time_s=later)
+
+
+def test_a_gap_of_an_hour_is_cut_out_of_the_picture_and_told(make_run: MakeRun) -> None:
+    """Regression: two touches an hour apart were two hairlines in empty panels."""
+    whole = make_run(seconds=6.0)
+    half = len(whole.time_s) // 2
+    figure = draw(with_gap(whole, half, 3600.0))
+    figure.canvas.draw()
+    for axes in figure.axes:
+        low, high = axes.get_xlim()
+        assert high - low < 7.0, axes.get_ylabel()
+    below = [a for a in figure.axes if a.get_xlabel()]
+    assert {a.get_xlabel() for a in below} == {"time [s]; grey: gaps that are cut out"}
+    names = [label.get_text() for label in below[0].get_xticklabels()]
+    assert float(names[0]) == 0.0
+    assert any(3603.0 <= float(name) <= 3606.0 for name in names)
+    assert "3600 s" in {text.get_text() for text in figure.axes[0].texts}
+    plain = draw(whole)
+    assert {a.get_xlabel() for a in plain.axes if a.get_xlabel()} == {"time [s]"}
+    longest = max(a.get_xlim()[1] for a in draw(with_gap(whole, half, 2.0)).axes)
+    assert longest > 7.9  # a gap that leaves something to see is drawn as long as it is
+
+
+def test_a_page_with_a_gap_of_an_hour_opens_what_lies_between(make_run: MakeRun) -> None:
+    whole = make_run(seconds=6.0)
+    half = len(whole.time_s) // 2
+    data = with_gap(whole, half, 3600.0)
+    text = run_page(data, ["hc", "report"])
+    found = re.search(r'"pieces": ?(\[\[.*?\]\])', text)
+    assert found is not None
+    pieces = json.loads(found[1])
+    expected = [data.time_s[[0, half - 1]], data.time_s[[half, -1]]]
+    np.testing.assert_allclose(pieces, expected)
+    assert len(page_rows(data)) == pytest.approx(len(page_rows(whole)), abs=2)
+    assert re.search(r'"pieces": ?\[\]', run_page(whole, ["hc", "report"]))
+
+
+@pytest.mark.parametrize("with_truth", [True, False])
+def test_the_legend_names_a_truth_only_where_there_is_one(
+    make_run: MakeRun, with_truth: bool
+) -> None:
+    data = make_run(seconds=3.0)
+    figure = draw(data if with_truth else dataclasses.replace(data, truth=None))
+    (legend,) = figure.legends
+    names = {text.get_text() for text in legend.get_texts()}
+    assert ("true; NIS: ideal" in names, "ideal NIS" in names) == (with_truth, not with_truth)
+
+
 def test_picture_shows_no_force_error_of_refused_readings(make_run: MakeRun) -> None:
     """Regression: a saturated sensor looked like a filter that errs."""
     data = make_run(seconds=3.0)

@@ -13,6 +13,7 @@ import hashlib
 import json
 import os
 import re
+import shlex
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Final
@@ -24,6 +25,8 @@ from hc_bringup.batch.tables import Done
 from hc_bringup.batch.variants import Variant
 from hc_bringup.batch.work import Answer, ResultError, Task, read_result
 from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.estimate_table import has_pyarrow
+from hc_bringup.named_lock import owner_of, take
 from hc_bringup.plain_json import finite
 from hc_logger.new_file import new_file
 
@@ -49,6 +52,7 @@ class Campaign:
         estimates: format of the full estimates, empty for none.
         resume: whether results that are there are kept.
         command: the command line that makes the same results.
+        reading: the part of it that says how recordings are read and what counts as a contact.
         answers: to the tasks that were done, by recording: content, size and keys.
         made: results made by this run.
         complete: whether every task was done.
@@ -62,6 +66,7 @@ class Campaign:
     estimates: str
     resume: bool
     command: Sequence[str]
+    reading: Sequence[str]
     answers: dict[int, Answer] = dataclasses.field(default_factory=dict)
     made: int = 0
     complete: bool = False
@@ -76,14 +81,37 @@ class Campaign:
         """How many there are."""
         return sum(len(answer.keys) for answer in self.answers.values())
 
-    def prepare(self) -> None:
-        """Make the folder.
+    @contextlib.contextmanager
+    def alone(self) -> Iterator[None]:
+        """Make the folder, and have it for this process: of two, one would replace all tables.
 
         Raises:
-            UserError: if it holds something else, or results and they are not to be kept.
+            UserError: if it is a file, cannot be made, or another process works in it.
         """
         if self.folder.exists() and not self.folder.is_dir():
             raise UserError(f"{self.folder} is a file: choose another folder", WRONG_USE)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            found = self.folder.stat()
+        except OSError as error:
+            raise UserError(f"cannot make {self.folder}: {error.strerror or error}") from error
+        name = f"hc_batch_in_folder_{found.st_dev}_{found.st_ino}"
+        lock = take(name)
+        if lock is None:
+            raise UserError(
+                f"{owner_of(name)[1]} works in {self.folder}, and the tables of two would replace "
+                "each other: wait for its end, or choose another folder"
+            )
+        with lock:
+            yield
+
+    def prepare(self) -> None:
+        """See what is in the folder, and say there what this is.
+
+        Raises:
+            UserError: if it holds something else, the results of another study, or results and
+                they are not to be kept.
+        """
         if self.folder.is_dir() and any(self.folder.iterdir()):
             if not (self.folder / MANIFEST).is_file():
                 raise UserError(
@@ -95,11 +123,33 @@ class Campaign:
                     "or choose another folder",
                     WRONG_USE,
                 )
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise UserError(f"cannot make {self.folder}: {error.strerror or error}") from error
+            self._check_study()
         self._write_manifest({})
+
+    def _check_study(self) -> None:
+        """See that what is in the folder will be a part of what is made now.
+
+        Raises:
+            UserError: if it is of other variants, or of recordings that are read in another way.
+        """
+        try:
+            there = json.loads((self.folder / MANIFEST).read_bytes())
+            before = [_settings(variant) for variant in there["variants"]]
+            command = shlex.join(there["command"])
+            reading = there.get("reading", list(self.reading))  # older ones do not say it
+        except (OSError, ValueError, TypeError, KeyError, AttributeError):
+            return  # it was cut off: nothing can be said of it
+        now = [_settings(variant) for variant in json.loads(self._variants_as_text())]
+        if reading != list(self.reading) or any(variant not in now for variant in before):
+            raise UserError(
+                f"{self.folder} holds another study, whose tables would be replaced: choose "
+                f"another folder, or go on with that one: {command}",
+                WRONG_USE,
+            )
+
+    def _variants_as_text(self) -> str:
+        variants = [{"label": one.label, **one.configuration} for one in self.variants]
+        return json.dumps(finite(variants), allow_nan=False)
 
     def tasks(self, workers: int) -> list[Task]:
         """Return what is to be done.
@@ -209,9 +259,8 @@ class Campaign:
             "command": list(self.command),
             "complete": self.complete,
             "software": {"stamp": software_stamp(), **software_versions()},
-            "variants": [
-                {"label": variant.label, **variant.configuration} for variant in self.variants
-            ],
+            "reading": list(self.reading),
+            "variants": json.loads(self._variants_as_text()),
             "recordings": [
                 {
                     "recording": self.names[number],
@@ -243,11 +292,9 @@ class Campaign:
                         Path(folder, name).unlink(missing_ok=True)
 
 
-def has_pyarrow() -> bool:
-    """Whether Parquet can be written here."""
-    import importlib.util
-
-    return importlib.util.find_spec("pyarrow") is not None
+def _settings(variant: dict[str, object]) -> dict[str, object]:
+    """Return a variant of a manifest without its name."""
+    return {name: value for name, value in variant.items() if name != "label"}
 
 
 def _hash_of(path: Path) -> str:

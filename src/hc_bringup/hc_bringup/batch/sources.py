@@ -64,7 +64,14 @@ def find_recordings(patterns: Sequence[str], besides: Path) -> Found:
     found: set[Path] = set()
     others: set[Path] = set()
     for pattern in patterns:
-        some = {path for path in _named_by(pattern, others) if not path.is_relative_to(besides)}
+        named = set(_named_by(pattern, others))
+        some = {path for path in named if not path.is_relative_to(besides)}
+        if named and not some:
+            raise UserError(
+                f"all that {pattern} names is in the folder of the results: choose another one "
+                "with -o",
+                WRONG_USE,
+            )
         if not some:
             raise UserError(f"{pattern} names no recording (CSV, .mcap or bag folder)", WRONG_USE)
         found |= some

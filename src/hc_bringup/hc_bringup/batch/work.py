@@ -10,8 +10,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import hashlib
-import io
-import itertools
 import json
 import math
 import traceback
@@ -29,7 +27,7 @@ from hc_bringup.batch.variants import Variant
 from hc_bringup.commands.contacts import contact_rules, tip_source
 from hc_bringup.commands.estimate import make_estimator, summarise, why_no_result
 from hc_bringup.errors import UserError
-from hc_bringup.estimate_table import estimate_lines
+from hc_bringup.estimate_table import estimate_lines, write_parquet
 from hc_bringup.file_preset import CSV_OPTIONS
 from hc_bringup.report.contact_file import PARAMETER_UNITS, columns
 from hc_bringup.report.contacts import find_contacts
@@ -45,7 +43,6 @@ from hc_msgs_py.entry_points import FaultOfAnotherError
 
 FORMAT: Final = 1
 """Of results; raised when their meaning changes."""
-_BLOCKS_AT_ONCE: Final = 16  # of lines in one row group of Parquet
 UNREADABLE: Final = "unreadable"
 _READING: Final = (
     *("sensors", "find_surface", *CSV_OPTIONS, "tip", "tip_axes", "sites"),
@@ -351,27 +348,7 @@ def _write_estimates(path: Path, kind: str, recording: Any, series: Any) -> None
             for part in lines:
                 file.write(part.encode())
         else:
-            _write_parquet(file, lines)
-
-
-def _write_parquet(file: Any, lines: Iterator[str]) -> None:
-    """Write lines of CSV as Parquet: the same columns, the same numbers."""
-    import pyarrow
-    import pyarrow.csv
-    import pyarrow.parquet
-
-    names = next(lines).strip().split(",")
-    kinds = {"contact": pyarrow.bool_(), "change_detected": pyarrow.bool_()}
-    kinds["rejected"] = pyarrow.string()
-    types = {name: kinds.get(name, pyarrow.float64()) for name in names}
-    read = pyarrow.csv.ReadOptions(column_names=names, use_threads=False)
-    convert = pyarrow.csv.ConvertOptions(column_types=types, null_values=[])
-    with pyarrow.parquet.ParquetWriter(file, pyarrow.schema(list(types.items()))) as writer:
-        while part := "".join(itertools.islice(lines, _BLOCKS_AT_ONCE)):
-            table = pyarrow.csv.read_csv(
-                io.BytesIO(part.encode()), read_options=read, convert_options=convert
-            )
-            writer.write_table(table)
+            write_parquet(file, lines)
 
 
 def _about(task: Task, text: str) -> str:

@@ -37,8 +37,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--topics", nargs="+", default=["*"], metavar="TOPIC", help="names, or patterns with *"
     )
     part.add_argument("--exclude", nargs="+", default=[], metavar="TOPIC", help="leave these out")
-    part.add_argument("--start", type=seconds, default=0.0, metavar="S", help="begin S s into it")
-    part.add_argument("--duration", type=positive, default=math.inf, metavar="S", help="take S s")
+    begin = "begin S s after the first sample (default: with what lies before it, too)"
+    part.add_argument("--start", type=seconds, default=0.0, metavar="S", help=begin)
+    take = "take S s from there (default: to the end)"
+    part.add_argument("--duration", type=positive, default=math.inf, metavar="S", help=take)
     merge = commands.add_parser("merge", help="several bags into one, in the order of time")
     merge.add_argument("sources", nargs="+", metavar="SOURCE", help="bags")
     merge.add_argument("-o", "--output", required=True, metavar="TARGET", help="the new bag")

@@ -81,11 +81,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from hc_bringup.batch.campaign import Campaign, has_pyarrow
+    from hc_bringup.batch.campaign import Campaign
     from hc_bringup.batch.engines import SchedulerGoneError
     from hc_bringup.batch.sources import find_recordings, names_of
     from hc_bringup.batch.variants import variants
     from hc_bringup.batch.work import ResultError, WrongSoftwareError
+    from hc_bringup.estimate_table import has_pyarrow
     from hc_bringup.progress import long_bar
 
     for name, count in (("-j", arguments.jobs), ("--local-cluster", arguments.local_cluster or 1)):
@@ -117,34 +118,37 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.estimates,
         arguments.resume,
         command_line(arguments),
+        reading_line(arguments),
     )
     start = time.monotonic()
     interrupted, gone = False, ""
-    try:
-        with _engine(arguments) as (engine, workers):
-            heartbeat.doing(f"looking at {len(paths)} recordings")
-            campaign.prepare()
-            for way in ways[:1] if workers > 1 else ():
-                heartbeat.doing("loading the filter")
-                _warm_up(way)
-            last_resort.disarm()  # what is done is gathered when a signal comes
-            try:
-                with long_bar("results") as tell:
-                    campaign.run(engine, campaign.tasks(workers), tell)
-            except KeyboardInterrupt:
-                interrupted = True
-            except SchedulerGoneError as error:
-                gone = str(error)
-        heartbeat.doing("gathering the tables")
-        files = _gathered(campaign)
-        heartbeat.nothing()
-    except ResultError as error:
-        raise UserError(f"{error}: what is done is kept, --resume goes on") from error
-    except WrongSoftwareError as error:
-        raise UserError(
-            "a worker runs other software than this: start the workers from the same checkout"
-        ) from error
-    _tell(campaign, files, time.monotonic() - start, arguments)
+    with contextlib.ExitStack() as held:
+        try:
+            with _engine(arguments) as (engine, workers):
+                held.enter_context(campaign.alone())
+                heartbeat.doing(f"looking at {len(paths)} recordings")
+                campaign.prepare()
+                for way in ways[:1] if workers > 1 else ():
+                    heartbeat.doing("loading the filter")
+                    _warm_up(way)
+                last_resort.disarm()  # what is done is gathered when a signal comes
+                try:
+                    with long_bar("results") as tell:
+                        campaign.run(engine, campaign.tasks(workers), tell)
+                except KeyboardInterrupt:
+                    interrupted = True
+                except SchedulerGoneError as error:
+                    gone = str(error)
+            heartbeat.doing("gathering the tables")
+            files = _gathered(campaign)
+            heartbeat.nothing()
+        except ResultError as error:
+            raise UserError(f"{error}: what is done is kept, --resume goes on") from error
+        except WrongSoftwareError as error:
+            raise UserError(
+                "a worker runs other software than this: start the workers from the same checkout"
+            ) from error
+        _tell(campaign, files, time.monotonic() - start, arguments)
     if gone:
         raise UserError(f"{gone}: what is done is kept, --resume goes on")
     return cli.interrupted_status() if interrupted else 0
@@ -192,15 +196,21 @@ def _engine(arguments: argparse.Namespace) -> Iterator[tuple[Any, int]]:
 def command_line(arguments: argparse.Namespace) -> list[str]:
     """Return the command line that makes these results again, on however many processes."""
     words = ["hc", "batch", *arguments.patterns]
-    for name in ("filter", "state_space", "contact_model", "tip"):
+    for name in ("filter", "state_space", "contact_model"):
         words += option_words(arguments, name)
     for name, value in arguments.param:
         words += ["--param", f"{name}={value}"]
     for name, values in arguments.sweep:
         words += ["--sweep", f"{name}={','.join(map(str, values))}"]
-    words += reading_words(arguments) + ["--sites"] * arguments.sites
+    words += option_words(arguments, "estimates", "") + reading_line(arguments)
+    return [*words, "-o", "DIR"]
+
+
+def reading_line(arguments: argparse.Namespace) -> list[str]:
+    """Return the words that say how recordings are read and what counts as a contact."""
+    words = [*option_words(arguments, "tip"), *reading_words(arguments)]
+    words += ["--sites"] * arguments.sites
     for name, usual in (
-        ("estimates", ""),
         ("tip_axes", "xy"),
         ("minimum_depth", 0.0),
         ("minimum_force", 0.0),
@@ -208,7 +218,7 @@ def command_line(arguments: argparse.Namespace) -> list[str]:
         ("release", 0.02),
     ):
         words += option_words(arguments, name, usual)
-    return [*words, "-o", "DIR"]
+    return words
 
 
 def _tell(

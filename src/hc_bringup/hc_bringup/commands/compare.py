@@ -135,6 +135,8 @@ def _variants(arguments: argparse.Namespace) -> list[Any]:
         variants.append(Variant(" ".join((name, *words)), name, common | own))
     if arguments.recorded:
         variants.append(Variant("recorded", "", {}))
+    if len(variants) <= MOST_VARIANTS:
+        _check_possible(variants)  # of a name that is misspelt that is to be said, not the number
     if len(variants) < 2 and len(arguments.inputs) < 2:
         raise UserError(
             "give at least two filters or settings to compare, with --filter", WRONG_USE
@@ -147,6 +149,15 @@ def _variants(arguments: argparse.Namespace) -> list[Any]:
     for label in labels:
         if labels.count(label) > 1:
             raise UserError(f"{label} is given twice", WRONG_USE)
+    return variants
+
+
+def _check_possible(variants: list[Any]) -> None:
+    """See that each variant can be made.
+
+    Raises:
+        UserError: if one cannot.
+    """
     for variant in variants:
         if not variant.filter:
             continue
@@ -154,7 +165,6 @@ def _variants(arguments: argparse.Namespace) -> list[Any]:
             variant.make()
         except ValueError as error:
             raise UserError(f"{variant.label}: {error}", WRONG_USE) from error
-    return variants
 
 
 def _command_line(arguments: argparse.Namespace) -> list[str]:

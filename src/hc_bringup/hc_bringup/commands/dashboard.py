@@ -78,14 +78,16 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command.
 
     Raises:
-        UserError: if the server's library is not installed.
+        UserError: if the server's library is not installed, or ROS_DOMAIN_ID is no domain.
     """
     if not is_installed():
         raise UserError(HOW_TO_INSTALL)
     from hc_bringup.dashboard.node import DashboardNode
     from hc_bringup.dashboard.security import TOKEN_VARIABLE, new_token
+    from hc_bringup.domain_lock import domain_id
     from hc_msgs_py.node_main import run_node
 
+    domain_id()
     os.environ.setdefault(TOKEN_VARIABLE, new_token())
     parameters = node_parameters(arguments)
     if arguments.port is not None:

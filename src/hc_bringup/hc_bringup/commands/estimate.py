@@ -11,7 +11,7 @@ from typing import Any
 
 from hc_bringup import recording_input
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
-from hc_bringup.estimate_table import write_estimates
+from hc_bringup.estimate_table import check_new_table, write_estimates
 from hc_bringup.options import each_once, new_file_name
 from hc_bringup.standard_input import name_of, typed
 from hc_bringup.wrapping import say
@@ -33,7 +33,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--output",
         type=new_file_name,
         metavar="OUT.csv",
-        help="write every estimate to a CSV",
+        help="write every estimate to a table: .csv, .csv.gz (.bz2, .xz) or .parquet",
     )
     parser.add_argument(
         "--verify",
@@ -55,10 +55,10 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.verify:
         return _verify(arguments)
+    if arguments.output is not None:
+        check_new_table(Path(arguments.output))
     recording = recording_input.load(arguments)
     estimator = make_estimator(arguments, recording)
-    if arguments.output is not None and Path(arguments.output).exists():
-        raise UserError(f"{arguments.output} exists already: choose another file", WRONG_USE)
     changes = recording.reading_changes
     origin_ns = int(recording.stamps[0]) if len(recording.stamps) else 0
     suspicions = unexplained(

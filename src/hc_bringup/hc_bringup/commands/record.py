@@ -43,6 +43,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command: the recorder node in this process, so that its signals are its own."""
     from hc_bringup.commands.run import new_bag_folder
+    from hc_bringup.domain_lock import domain_id
     from hc_bringup.graph import topic_name
     from hc_logger.metadata import read_information
     from hc_logger.recorder_node import main
@@ -52,6 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError("name topics, or give -a for all of them", WRONG_USE)
     for name in (*arguments.topics, *arguments.exclude):
         topic_name(name)
+    domain_id()
     bag = new_bag_folder(arguments.output, "-o")
     parameters: dict[str, Any] = {
         "output": str(bag),

@@ -27,10 +27,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--loop", action="store_true", help="start again at the end, until Ctrl-C")
     parser.add_argument(
-        "--start", type=seconds, default=0.0, metavar="S", help="begin S seconds into the bag"
+        "--start", type=seconds, default=0.0, metavar="S", help="begin S s after the first sample"
     )
     parser.add_argument(
-        "--duration", type=seconds, default=0.0, metavar="S", help="play S seconds (0: to the end)"
+        "--duration",
+        type=seconds,
+        default=0.0,
+        metavar="S",
+        help="play S s from there (0: to the end)",
     )
     parser.add_argument("--estimator", action="store_true", help="start a fresh estimator beside")
     parser.add_argument("--filter", metavar="F", help="the same, with this filter")
@@ -89,12 +93,16 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
     from hc_bringup.plan import NodePlan, RunPlan
     from hc_estimator.ros.node_settings import LARGEST_BACKLOG
     from hc_logger.csv_open import is_text
+    from hc_logger.errors import BagError
+    from hc_logger.other_files import check_there
     from hc_logger.type_names import SAMPLE_TYPE, SAMPLES_TYPE
     from hc_msgs_py.topics import ESTIMATE, ESTIMATES, SAMPLE, SAMPLES
 
     source = Path(arguments.input).absolute()
-    if not source.exists():
-        raise UserError(f"{arguments.input} does not exist", WRONG_USE)
+    try:
+        check_there(Path(arguments.input))
+    except BagError as error:
+        raise UserError(str(error), WRONG_USE) from error
     if is_text(source) and source.is_file():
         raise UserError(
             f"{arguments.input} is a table in text: make a bag of it first with hc bag convert",

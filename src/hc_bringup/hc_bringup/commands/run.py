@@ -27,12 +27,21 @@ from hc_msgs_py.realtime import (
     processors,
     wanted_priority,
 )
+from hc_msgs_py.topics import NODE_RECORDER
 
 HEARTBEAT = True
 HELP = "run rig, estimator and recorder, with live status and a summary at the end"
 DEFAULT_CONFIG = "run"
 LONGEST_PICTURED_S = 600.0
 """Of a longer run no picture is drawn at the end: reading the bag would take too long."""
+
+SET_BY_THE_RUN = {
+    "output": "the folder of a run's bag is given by --bag DIR",
+    "custom_data": "a run says there itself how it was made",
+    "when_exists": "a run records into a new folder: give it with --bag DIR",
+    "remove_empty": "a run keeps no empty bag",
+}
+"""Parameters of the recorder that a value would be given for in vain."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -150,13 +159,15 @@ def ask_for_realtime(priority: int | None, cpus: str | None) -> None:
     """Ask for real-time scheduling, and for processors, by the environment of the nodes to come.
 
     Raises:
-        UserError: if there are no such processors, or the system does not permit it.
+        UserError: if there are no such processors or priority, or the system does not permit it.
     """
     try:
         if cpus is not None:
             processors(cpus)
             os.environ[CPUS_VARIABLE] = cpus
         if priority is not None:
+            if not 1 <= priority <= 99:
+                raise UserError(f"--realtime {priority}: give a priority from 1 to 99", WRONG_USE)
             os.environ[PRIORITY_VARIABLE] = str(priority)
             check_permission(wanted_priority())
     except RealtimeError as error:
@@ -192,6 +203,8 @@ def given_parameters(plan: Any, arguments: argparse.Namespace) -> dict[str, dict
     for text, value in arguments.param:
         nodes, name = targets(text, plan)
         for node in nodes:
+            if node == NODE_RECORDER and name in SET_BY_THE_RUN:
+                raise UserError(f"--param {text}: {SET_BY_THE_RUN[name]}", WRONG_USE)
             if name in found.setdefault(node, {}):
                 raise UserError(f"--param {text}: {name} is given twice", WRONG_USE)
             found[node][name] = value

@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_bringup.cut_time import cut_gaps
 from hc_bringup.dashboard.columns import COLUMNS, INDEX, PARAMETERS
 from hc_bringup.dashboard.digest import Digest
 from hc_bringup.dashboard.palpation import PalpationMap
@@ -32,7 +33,8 @@ def page_rows(data: RunData) -> Array:
     """Return the run as rows of the live page, (rows, columns)."""
     stamps = np.rint(data.time_s * 1e9).astype(np.int64)
     keep = _in_order(stamps)
-    span = int(stamps[keep][-1] - stamps[keep][0])
+    drawn_s = cut_gaps(data.time_s[keep]).drawn_s  # in a long gap there is nothing to tell
+    span = round((drawn_s[-1] - drawn_s[0]) * 1e9)
     digest = Digest(max(LEAST_ROW_NS, -(-span // MOST_ROWS)))
     table = data.estimates[keep]
     rows = np.concatenate([digest.add(table, stamps[keep], estimates=True), digest.flush()])

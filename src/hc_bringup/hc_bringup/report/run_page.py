@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from hc_bringup.cut_time import cut_gaps
 from hc_bringup.dashboard.columns import COLUMNS, HYPOTHESES
 from hc_bringup.dashboard.nis import nis_bands
 from hc_bringup.dashboard.palpation import MAP_COLUMNS
@@ -58,12 +59,19 @@ def run_page(data: RunData, command: Sequence[str]) -> str:
         "contacts": page_contacts(contacts),
         "events": page_events(data, contacts),
         "truth": data.truth is not None,
+        "pieces": _pieces(data),
     }
     body = _body(
         data, verdict(data, contacts, channels, found), _map_panel(cells, contacts, depth_mm)
     )
     body += _tables(data, contacts, channels, why_not, command)
     return render(data.title, body, content, PANELS, "report.js")
+
+
+def _pieces(data: RunData) -> list[tuple[float, float]]:
+    """Return begin and end of what lies between gaps so long that one would see nothing else."""
+    pieces = cut_gaps(data.time_s).pieces
+    return [(piece.start_s, piece.end_s) for piece in pieces] if len(pieces) > 1 else []
 
 
 def _diagnosis(data: RunData) -> tuple[ChannelDiagnosis | None, str]:
@@ -103,7 +111,7 @@ def _body(data: RunData, sentences: Sequence[Sentence], map_panel: str) -> str:
     wide = "" if map_panel else " full"
     return f"""
 <header><h1>{html.escape(data.name)}</h1><p id="headline">{html.escape(data.estimator)}</p>
-<div class="tools"><span id="zoomed" hidden></span>
+<div class="tools"><span id="pieces"></span><span id="zoomed" hidden></span>
 <button id="whole" type="button" hidden>Whole recording</button>
 <button id="theme" type="button" aria-label="light or dark">◐</button></div></header>
 <main class="report">

@@ -1,6 +1,8 @@
 /* The report of one run: the live page's charts over what was recorded, to look closer at. */
 "use strict";
 
+HC.MOST_PIECES = 6;
+
 HC.Report = class {
   constructor(data) {
     this.data = data;
@@ -27,8 +29,23 @@ HC.Report = class {
     if (find("map")) this.startMap(find("map"));
     find("theme").addEventListener("click", HC.toggleTheme);
     find("whole").addEventListener("click", () => this.show(null, null));
-    this.show(null, null);
+    this.showPieces(data.pieces);
     this.hypotheses.show(this.store);
+  }
+
+  /* Opens what lies between long gaps, the longest of it first, with a button for each. */
+  showPieces(pieces) {
+    this.show(null, null);
+    if (!pieces.length) return;
+    for (const [from, to] of pieces.slice(0, HC.MOST_PIECES)) {
+      const button = document.createElement("button");
+      button.type = "button";
+      HC.setText(button, `${from.toFixed(0)} to ${to.toFixed(0)} s`);
+      button.addEventListener("click", () => this.show(from, to));
+      document.getElementById("pieces").append(button);
+    }
+    const longest = pieces.reduce((a, b) => b[1] - b[0] > a[1] - a[0] ? b : a);
+    this.show(...longest);
   }
 
   startMap(host) {
