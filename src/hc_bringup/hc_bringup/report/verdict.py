@@ -31,6 +31,13 @@ LITTLE_NIS: Final = 2.5
 ROUGHLY: Final = 0.5
 """Spread of the force, relative, from which on it is known only roughly."""
 DEPTH_MM: Final = 2.0
+NOISE_ALONE: Final = 1.5
+"""Of the force's noise: what one law for all readings leaves where it describes them."""
+APART: Final = 0.1
+DEVIATIONS: Final = 5.0
+"""Of the force: from where on filter and one fit do not say the same."""
+TOO_GOOD_NIS: Final = 0.5
+"""Mean NIS of readings that hardly change, or of noises that were told far too large."""
 
 
 class Level(str, Enum):
@@ -64,8 +71,15 @@ def verdict(
     if not (data.contact & data.used).any():
         text = "No sample in contact could be used: nothing can be said."
         return [Sentence(Level.BAD, text), *_losses(data)]
+    doubt = _of_one_fit(data, channels)
+    first = stiffness_found(data, found)
+    if doubt:  # nothing to be glad of
+        first = [
+            one._replace(level=Level.NOTE) if one.level is Level.GOOD else one for one in first
+        ]
     sentences = [
-        *stiffness_found(data, found),
+        *first,
+        *doubt,
         *_fit(data, contacts),
         *_channels(data, channels),
         *_unseen(data, channels),
@@ -118,6 +132,35 @@ def _parameters_found(data: RunData, *, scanned: bool) -> list[Sentence]:
         text += f"; one step ahead its force is foretold within {engineering(rms, 'N')} (RMS)"
     # Half of the force as its spread is no knowledge to be glad of.
     return [Sentence(Level.GOOD if spread < ROUGHLY * force else Level.NOTE, text + ".")]
+
+
+def _of_one_fit(data: RunData, channels: Any | None) -> list[Sentence]:
+    """Say so where one fit to all readings, which leaves noise alone, says another force.
+
+    A filter that follows what no tissue does ends elsewhere, and is as sure as ever.
+    """
+    if channels is None or channels.clear_faults:  # what is said of these says why
+        return []
+    if not channels.residual_rms_n < NOISE_ALONE * channels.noise_n:
+        return []
+    touched = data.contact & data.used
+    last = int(np.flatnonzero(touched)[-1])
+    depth = float(np.nanquantile(data.displacement_mm[touched], 0.9))
+    if not depth > 0.0:
+        return []
+    stiffness, _, exponent, _ = data.parameters[last]
+    relative = np.array([1.0 / stiffness, float(np.log(depth))])
+    variance = relative @ data.covariance[last][np.ix_([0, 2], [0, 2])] @ relative
+    force = float(stiffness * depth**exponent)
+    of_fit = float(channels.parameters[0] * depth ** channels.parameters[2])
+    apart = abs(of_fit - force)
+    if not apart > max(APART * force, DEVIATIONS * force * float(np.sqrt(variance))):
+        return []
+    text = (
+        f"One fit to the whole recording leaves noise alone and says {of_fit:.3g} N at rest at "
+        f"{depth:.2g} mm, the filter {force:.3g} N: trust neither before hc doctor says why."
+    )
+    return [Sentence(Level.BAD, text)]
 
 
 def _lump(found: StiffnessMap | None) -> list[Sentence]:
@@ -249,6 +292,12 @@ def _honesty(data: RunData) -> list[Sentence]:
         return [Sentence(Level.BAD, text)]
     if mean > max(high, LITTLE_NIS):
         text = f"Errors are a little larger than the filter admits: mean NIS {mean:.1f} (ideal 2)."
+        return [Sentence(Level.NOTE, text)]
+    if mean < TOO_GOOD_NIS:
+        text = (
+            f"Errors are far smaller than the filter states: mean NIS {mean:.2g} (ideal 2). Its "
+            "noises are too large, or the readings hardly change."
+        )
         return [Sentence(Level.NOTE, text)]
     if data.truth is not None and np.isfinite(data.truth[chosen, 0]).any():
         # Of some samples the truth was not recorded: the rig does not wait for a reader of it.
