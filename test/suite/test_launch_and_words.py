@@ -20,6 +20,7 @@ SOURCES = (
     "hc_estimator/hc_estimator/stream/sign_checks.py",
     "hc_estimator/hc_estimator/stream/exchanged.py",
     "hc_estimator/hc_estimator/stream/channel_checks.py",
+    "hc_estimator/hc_estimator/stream/both_channels.py",
     "hc_estimator/hc_estimator/stream/range_checks.py",
     "hc_estimator/hc_estimator/stream/stamp_checks.py",
     "hc_estimator/hc_estimator/stream/rigid_press.py",
@@ -61,6 +62,8 @@ WARNERS = tuple(
 """Those whose every sentence is a warning, but for the ones here: parts, costs and counters."""
 NO_WARNINGS = (
     "N over ",
+    "the \0 is noise alone (",  # a part of a sentence
+    "the \0 reads \0 \0 all the time",
     "or in gram-force",
     "the clocks of sensor and computer differ",  # the second half
     "cannot be said, and neither can delay",

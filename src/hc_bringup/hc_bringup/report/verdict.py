@@ -18,6 +18,7 @@ from hc_bringup.run_data import RunData
 from hc_bringup.terminal.numbers import engineering, with_spread
 from hc_bringup.zero_effect import effect_in
 from hc_bringup.zero_words import Zeros
+from hc_estimator.stream.both_channels import check_both
 from hc_evaluation.metrics import chi_square_band
 from hc_logger.info import LONGEST_COUNTED_GAP, counts
 
@@ -36,6 +37,7 @@ NOISE_ALONE: Final = 1.5
 APART: Final = 0.1
 DEVIATIONS: Final = 5.0
 """Of the force: from where on filter and one fit do not say the same."""
+LEAST_NIS: Final = 50
 TOO_GOOD_NIS: Final = 0.5
 """Mean NIS of readings that hardly change, or of noises that were told far too large."""
 
@@ -71,6 +73,12 @@ def verdict(
     if not (data.contact & data.used).any():
         text = "No sample in contact could be used: nothing can be said."
         return [Sentence(Level.BAD, text), *_losses(data)]
+    doubts = [
+        Sentence(Level.BAD, f"{s.sentence[0].upper()}{s.sentence[1:]}.")
+        for s in check_both(data.time_s, data.displacement_mm, data.force_n)
+    ]
+    if any("othing moves" in one.text for one in doubts):
+        return doubts
     doubt = _of_one_fit(data, channels)
     first = stiffness_found(data, found)
     if doubt:  # nothing to be glad of
@@ -80,7 +88,8 @@ def verdict(
     sentences = [
         *first,
         *doubt,
-        *_fit(data, contacts),
+        *doubts,
+        *_fit(data, contacts, doubted=bool(doubts) or _is_dishonest(data)),
         *_channels(data, channels),
         *_unseen(data, channels),
         *_zeros(data),
@@ -169,13 +178,15 @@ def _lump(found: StiffnessMap | None) -> list[Sentence]:
     return [Sentence(Level.NOTE, f"{found.lump.sentence(found.is_line)}.")]
 
 
-def _fit(data: RunData, contacts: Sequence[Contact]) -> list[Sentence]:
+def _fit(data: RunData, contacts: Sequence[Contact], *, doubted: bool) -> list[Sentence]:
     used = data.contact & data.used
     share = float(np.mean(data.model_mismatch[used]))
     if share <= MISMATCH_SHARE:
         if not _force_at_rest(data)[1] < UNKNOWN**2:
             text = "Nothing contradicts the contact law, but this motion hardly tests it."
             return [Sentence(Level.NOTE, text)]
+        if doubted:
+            return [Sentence(Level.NOTE, "The filter noticed no misfit of the contact law.")]
         return [Sentence(Level.GOOD, "The contact law describes what the sensors say.")]
     text = f"The contact law does not fit in {100 * share:.0f} % of the contact"
     reason = _places(contacts) or _reason(data)
@@ -278,17 +289,29 @@ def _changes(data: RunData) -> list[Sentence]:
     return [Sentence(Level.NOTE, f"The tissue changed {what}, at {at} s.")]
 
 
+def _mean_nis(data: RunData) -> tuple[float, float]:
+    """Return the mean NIS and up to where it may be by chance; NaN where there are few."""
+    nis = data.nis[settled(data)]
+    nis = nis[np.isfinite(nis)]
+    if len(nis) < LEAST_NIS:
+        return np.nan, np.nan
+    _low, high = chi_square_band(2, len(nis) // 10)  # neighbours are not independent
+    return float(np.mean(nis)), high
+
+
+def _is_dishonest(data: RunData) -> bool:
+    mean, high = _mean_nis(data)
+    return mean > 1.5 * high
+
+
 def _honesty(data: RunData) -> list[Sentence]:
     """Say whether errors are as large as stated: those of the force, and of K where it is known."""
     chosen = settled(data)
-    nis = data.nis[chosen]
-    nis = nis[np.isfinite(nis)]
-    if len(nis) < 50:
+    mean, high = _mean_nis(data)
+    if np.isnan(mean):
         return []
-    mean = float(np.mean(nis))
-    _low, high = chi_square_band(2, len(nis) // 10)  # neighbours are not independent
-    if mean > 1.5 * high:
-        text = f"Errors are larger than the filter admits: mean NIS {mean:.1f} (ideal 2)."
+    if _is_dishonest(data):
+        text = f"Errors are larger than the filter admits: mean NIS {mean:.3g} (ideal 2)."
         return [Sentence(Level.BAD, text)]
     if mean > max(high, LITTLE_NIS):
         text = f"Errors are a little larger than the filter admits: mean NIS {mean:.1f} (ideal 2)."
