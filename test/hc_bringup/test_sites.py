@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -307,3 +308,17 @@ def test_places_are_found_where_nobody_said_that_the_channels_are_in_step() -> N
     assert not [f for f in found.findings if "channel_delay" in f.settings]
     assert found.estimated is not None
     assert found.estimated.mismatch < 0.05
+
+
+def test_a_map_is_not_drawn_beyond_the_deepest_contact(tmp_path: Path, capsys) -> None:
+    """Regression: --depth 500 drew a map, a hundred times as deep as anybody had pressed."""
+    example = Path(__file__).resolve().parents[2] / "bags" / "example"
+    words = ["contacts", str(example), "--map", str(tmp_path / "map.csv"), "--depth"]
+    assert main([*words, "500"]) == 2
+    said = capsys.readouterr().err
+    (deepest,) = re.findall(r"no contact went deeper than ([0-9.]+) mm", said)
+    assert not list(tmp_path.iterdir())
+    assert main([*words, deepest, "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["depth_mm"] == float(deepest)
+    assert summary["shallower_contacts"] == summary["contacts"] - 1

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from hc_estimator import create_estimator
+from hc_estimator.estimate import Estimate, EstimateSeries
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +44,34 @@ def test_a_series_says_what_it_is(presses):
     assert 900 < used < 1000
     assert repr(series).startswith(f"EstimateSeries(1000 samples, {used} used; last stiffness=0.")
     assert repr(estimator.run(*(c[:0] for c in presses))) == "EstimateSeries(0 samples)"
+
+
+def test_a_part_of_a_series_is_a_series(presses):
+    """Regression: series[100:200] was one estimate, with numbers of several."""
+    series = create_estimator("rls").run(*presses)
+    touched = series.contact
+    for index in (slice(100, 200), slice(None, None, -3), touched, [3, -5], np.array([7, 7]), []):
+        part = series[index]
+        assert isinstance(part, EstimateSeries)
+        rows = series.values[np.array(index, int) if isinstance(index, list) else index]
+        np.testing.assert_array_equal(part.values, rows)
+        assert len(part) == len(rows)
+    for index in (5, -1, np.int64(7)):
+        one = series[index]
+        assert isinstance(one, Estimate)
+        np.testing.assert_array_equal(one.parameters, series.parameters[index])
+    assert len(list(series[:4])) == 4
+
+
+@pytest.mark.parametrize(
+    "index", ["5", 5.0, None, True, (1, 2), ..., [1.5], np.zeros((2, 2), int), {3}]
+)
+def test_what_is_no_index_is_a_type_error(presses, index):
+    series = create_estimator("rls").run(*presses)
+    with pytest.raises(TypeError, match="estimates are chosen by"):
+        series[index]
+    with pytest.raises(IndexError):
+        series[len(series)]
 
 
 def test_a_dataframe_needs_pandas_and_says_so(presses, monkeypatch):

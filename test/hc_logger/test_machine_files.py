@@ -216,6 +216,30 @@ def test_a_rate_is_not_said_beside_a_time(tmp_path: Path) -> None:
         read_recording(path, csv_options=CsvOptions(columns={"time": "1"}, rate_hz=200.0))
 
 
+@pytest.mark.parametrize(
+    ("head", "factor"),
+    [("time_s,displacement_mm,force_N\n", 1.0), ("Time [ms],Position [mm],Load [N]\n", 1e3)],
+)
+def test_a_rate_that_contradicts_the_times_is_refused(tmp_path: Path, head, factor) -> None:
+    """Regression: a rate of 50 replaced times of 1000 Hz, and B was twenty times too large."""
+    path = tmp_path / "a.csv"
+    path.write_text(head + files.rows("{:.6f},{:.4f},{:.5f}", TIME * factor, DEPTH, FORCE))
+    true_hz = round(1.0 / float(np.median(np.diff(TIME))))
+    with pytest.raises(BagError, match=rf"--rate 7 .*{true_hz} rows a second; leave --rate away"):
+        read_recording(path, csv_options=CsvOptions(rate_hz=7.0))
+    check(read_recording(path, csv_options=CsvOptions(rate_hz=float(true_hz))))
+
+
+@pytest.mark.parametrize("clock", ["10:00:{:02d}", "{:d}"])
+def test_a_rate_helps_where_times_are_too_coarse(tmp_path: Path, clock: str) -> None:
+    path = tmp_path / "a.csv"
+    pairs = zip(TIME, DEPTH, FORCE, strict=True)
+    table = "".join(f"{clock.format(int(t))},{d:.4f},{f:.5f}\n" for t, d, f in pairs)
+    path.write_text("Time (s),Position (mm),Force (N)\n" + table)
+    true_hz = 1.0 / float(np.median(np.diff(TIME)))
+    check(read_recording(path, csv_options=CsvOptions(rate_hz=true_hz)))
+
+
 def test_a_preset_of_another_kind_of_value_is_one_line(tmp_path: Path, capsys) -> None:
     path, preset = tmp_path / "a.csv", tmp_path / "mine.yaml"
     path.write_bytes(files.matlab())

@@ -20,6 +20,7 @@ SOURCES = (
     "hc_estimator/hc_estimator/stream/sign_checks.py",
     "hc_estimator/hc_estimator/stream/exchanged.py",
     "hc_estimator/hc_estimator/stream/channel_checks.py",
+    "hc_estimator/hc_estimator/stream/both_channels.py",
     "hc_estimator/hc_estimator/stream/range_checks.py",
     "hc_estimator/hc_estimator/stream/stamp_checks.py",
     "hc_estimator/hc_estimator/stream/rigid_press.py",
@@ -33,6 +34,7 @@ SOURCES = (
     "hc_estimator/hc_estimator/ros/inputs.py",
     "hc_estimator/hc_estimator/stream/zero_steps.py",
     "hc_bringup/hc_bringup/read_otherwise.py",
+    "hc_bringup/hc_bringup/real_readings.py",
     "hc_bringup/hc_bringup/reading_changes.py",
     "hc_bringup/hc_bringup/stopped_processes.py",
     "hc_bringup/hc_bringup/summary.py",
@@ -48,6 +50,7 @@ WARNERS = tuple(
             "hc_logger/sensors.py",
             "zero_setting.py",
             "read_otherwise.py",
+            "real_readings.py",
             "rigid_press.py",
             "topic_tools.py",
             "summary.py",
@@ -59,6 +62,8 @@ WARNERS = tuple(
 """Those whose every sentence is a warning, but for the ones here: parts, costs and counters."""
 NO_WARNINGS = (
     "N over ",
+    "the \0 is noise alone (",  # a part of a sentence
+    "the \0 reads \0 \0 all the time",
     "or in gram-force",
     "the clocks of sensor and computer differ",  # the second half
     "cannot be said, and neither can delay",

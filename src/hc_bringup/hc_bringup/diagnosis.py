@@ -137,7 +137,10 @@ def diagnose(
         if not doubts:
             break
         doubt = doubts[0]
-        if doubt.check is Check.EXCHANGED:  # every other word would be of the other channel
+        nothing_moves = doubt.check is Check.STUCK and doubt.channel == "both"
+        if (
+            doubt.check is Check.EXCHANGED or nothing_moves
+        ):  # every other word would be of the other channel
             return Diagnosis((*findings, Finding(doubt.sentence)), None, (), 0.0)
         treated.add((doubt.check, doubt.channel, doubt.since_s, doubt.until_s))
         settings = samples.put_right(doubt)

@@ -156,3 +156,35 @@ def surface_note(found: Any, surface_mm: float) -> str:
         f"surface found at {surface_mm:.{decimals}f} mm (± {deviation_mm:.2g}), "
         f"force zero {found.force_n:.6g} N: taken off"
     )
+
+
+def from_surface(recording: Any, mm_per_n: float) -> Any:
+    """Return a recording with the zeros of its first approach taken off.
+
+    Args:
+        recording: less what the robot gave way.
+        mm_per_n: the frame's compliance, under forces that count from no zero.
+
+    Raises:
+        UserError: if there is no approach in it.
+    """
+    from hc_bringup.errors import UserError
+    from hc_estimator.stream.surface import find_surface, why_no_surface
+    from hc_estimator.stream.together import together
+
+    pairs = together(recording.time_s, recording.displacement_mm, recording.force_n)[1:]
+    found = find_surface(*pairs)
+    if found is None:
+        raise UserError(f"--find-surface: {recording.path} {why_no_surface(*pairs)}")
+    # As input.position.zero: with the force zero taken off, less is taken off for the compliance.
+    surface_mm = found.displacement_mm + mm_per_n * found.force_n
+    note = surface_note(found, surface_mm)
+    zeroed = less_zeros(
+        recording, {"position.zero": found.displacement_mm, "force.zero": found.force_n}
+    )
+    findings = recording.findings
+    return dataclasses.replace(
+        zeroed,
+        findings=findings._replace(notes=(*findings.notes, note)),
+        contact_position_std_mm=found.displacement_std_mm,
+    )

@@ -7,7 +7,6 @@ a recording goes into the node's parameter file as it is.
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,12 +16,12 @@ from hc_bringup import file_preset
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import assignment, each_once, natural, positive
 from hc_bringup.read_otherwise import (
+    from_surface,
     less_compliance,
-    less_zeros,
     read_as,
-    surface_note,
     what_is_allowed,
 )
+from hc_bringup.real_readings import less_interpolated
 
 ZEROS = ("force.zero", "position.zero")
 """What can be said of any recording."""
@@ -259,6 +258,8 @@ def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
             options = csv_options(arguments)
             recording = read_recording(arguments.input, csv_options=options)
             recording = read_as(recording, sensors)
+            if not getattr(arguments, "verify", False):  # which compares what was estimated then
+                recording = less_interpolated(recording)
         else:
             recording = _read_sensors(arguments.input, sensors)
         recording = less_compliance(recording, mm_per_n, of_samples=as_read)
@@ -266,7 +267,7 @@ def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
         raise UserError(f"--input: {error}", WRONG_USE) from error
     except BagError as error:
         raise UserError(str(error)) from error
-    return _from_surface(recording, mm_per_n) if arguments.find_surface else recording
+    return from_surface(recording, mm_per_n) if arguments.find_surface else recording
 
 
 def _check_as_read(sensors: Mapping[str, Any]) -> None:
@@ -338,34 +339,6 @@ def assumed_line(displacement_mm: Any, force_n: Any, *, table: bool = False) -> 
     return (
         f"readings taken for metres and newtons: {moves_by} (if not: input.position.scale, "
         "input.force.scale)"
-    )
-
-
-def _from_surface(recording: Any, mm_per_n: float) -> Any:
-    """Return a recording with the zeros of its first approach taken off.
-
-    Args:
-        recording: less what the robot gave way.
-        mm_per_n: the frame's compliance, under forces that count from no zero.
-    """
-    from hc_estimator.stream.surface import find_surface, why_no_surface
-    from hc_estimator.stream.together import together
-
-    pairs = together(recording.time_s, recording.displacement_mm, recording.force_n)[1:]
-    found = find_surface(*pairs)
-    if found is None:
-        raise UserError(f"--find-surface: {recording.path} {why_no_surface(*pairs)}")
-    # As input.position.zero: with the force zero taken off, less is taken off for the compliance.
-    surface_mm = found.displacement_mm + mm_per_n * found.force_n
-    note = surface_note(found, surface_mm)
-    zeroed = less_zeros(
-        recording, {"position.zero": found.displacement_mm, "force.zero": found.force_n}
-    )
-    findings = recording.findings
-    return dataclasses.replace(
-        zeroed,
-        findings=findings._replace(notes=(*findings.notes, note)),
-        contact_position_std_mm=found.displacement_std_mm,
     )
 
 

@@ -38,10 +38,17 @@ FEWEST: Final = 20
 
 
 class TipPath(NamedTuple):
-    """Where the tip was sideways: times [s] of the run, (n, 2) positions [mm]."""
+    """Where the tip was sideways.
+
+    Attributes:
+        time_s: times [s] of the run, (n,).
+        position_mm: (n, 2).
+        axes: which components of the positions that a bag tells these are, in this order.
+    """
 
     time_s: Array
     position_mm: Array
+    axes: str = "xy"
 
 
 class TipSource(NamedTuple):
@@ -161,7 +168,7 @@ def _path(bag: Bag, recording: Recording, name: str, axes: str, frame: str = "")
         return None
     position = np.column_stack([table[field] for field in fields])
     times = (stamps(table) - int(recording.stamps[0])) * 1e-9
-    return TipPath(np.asarray(times, np.float64), np.float64(METRE_IN_MM) * position)
+    return TipPath(np.asarray(times, np.float64), np.float64(METRE_IN_MM) * position, axes)
 
 
 def _path_in_tree(
@@ -197,7 +204,7 @@ def _path_of_tool(
     times = (np.array([stamp for stamp, _ in poses], np.int64) - int(recording.stamps[0])) * 1e-9
     places = np.array([place for _, place in poses], np.float64)
     position_mm = np.float64(METRE_IN_MM) * places[:, ["xyz".index(axis) for axis in axes]]
-    return TipPath(np.asarray(times, np.float64), position_mm)
+    return TipPath(np.asarray(times, np.float64), position_mm, axes)
 
 
 def _path_of_frame(bag: Bag, recording: Recording, name: str, axes: str) -> TipPath | None:
@@ -209,4 +216,4 @@ def _path_of_frame(bag: Bag, recording: Recording, name: str, axes: str) -> TipP
     places = [[getattr(m.transform.translation, axis) for axis in axes] for m in messages]
     times = (stamp_ns - int(recording.stamps[0])) * 1e-9
     position_mm = np.float64(METRE_IN_MM) * np.array(places, np.float64)
-    return TipPath(np.asarray(times, np.float64), position_mm)
+    return TipPath(np.asarray(times, np.float64), position_mm, axes)

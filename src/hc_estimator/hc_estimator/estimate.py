@@ -7,7 +7,7 @@ for the kernels and for the readers.
 from __future__ import annotations
 
 import enum
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -386,6 +386,15 @@ class EstimateSeries(_Rows):
     def __len__(self) -> int:
         return int(self._rows.shape[0])
 
-    def __getitem__(self, index: int) -> Estimate:
-        """The estimate after one of the samples."""
-        return Estimate(self._rows[index])
+    @overload
+    def __getitem__(self, index: int | np.integer[Any]) -> Estimate: ...
+    @overload
+    def __getitem__(self, index: slice | NDArray[Any] | list[Any]) -> EstimateSeries: ...
+    def __getitem__(self, index: Any) -> Estimate | EstimateSeries:
+        """Return the estimate after one sample, or the series of several, chosen as by numpy."""
+        if type(index) is int:  # as of every sample of a stream
+            return Estimate(self._rows[index])
+        from hc_estimator.series_table import chosen_by
+
+        rows = self._rows[chosen_by(index)]
+        return Estimate(rows) if rows.ndim < self._rows.ndim else EstimateSeries(rows)

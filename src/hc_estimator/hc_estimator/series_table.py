@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from typing import Any
 
 import numpy as np
@@ -71,3 +72,26 @@ def dataframe_of(rows: NDArray[np.float64], time_s: NDArray[np.float64] | None =
         raise ImportError("to_dataframe() needs pandas: pip install pandas") from error
     frame = pandas.DataFrame(table_of(rows))
     return frame if time_s is None else frame.set_index(pandas.Index(time_s, name="time_s"))
+
+
+def chosen_by(index: Any) -> int | slice | NDArray[Any]:
+    """Return what numpy chooses rows by.
+
+    Args:
+        index: a whole number; or a slice, or a mask or whole numbers, shape (n,).
+
+    Raises:
+        TypeError: if it is something else.
+    """
+    if isinstance(index, slice):
+        return index
+    if isinstance(index, (list, np.ndarray)) and np.ndim(index) == 1:
+        chosen = np.asarray(index) if len(index) else np.empty(0, np.intp)
+        if chosen.dtype == np.bool_ or np.issubdtype(chosen.dtype, np.integer):
+            return chosen
+    elif hasattr(index, "__index__") and np.ndim(index) == 0 and not isinstance(index, bool):
+        return operator.index(index)
+    raise TypeError(
+        "estimates are chosen by a whole number, a slice, or an array of whole numbers or of truth "
+        f"values, shape (n,), not by {index!r:.60}"
+    )

@@ -25,6 +25,7 @@ from hc_logger.csv_number import (
 )
 from hc_logger.csv_options import CsvOptions
 from hc_logger.csv_own import own_layout
+from hc_logger.csv_rate import why_not_counted
 from hc_logger.csv_stress import why_no_displacement, why_no_force
 from hc_logger.csv_table import SEPARATORS, Table, cut, why_no_rows
 from hc_logger.csv_text import find_encoding, first_lines, split_line
@@ -87,6 +88,10 @@ class _Finder:
         table = self._table()
         header = find_header(self._lines, table)
         cells = list(header.names)
+        if rate_hz := self._options.rate_hz:
+            why = why_not_counted(rate_hz, table, header, self._numbers, self._cells)
+            if why:
+                raise BagError(f"{self._path}: {why}")
         first, nanoseconds = self._stamp(table, cells)
         indices = {"time": first} if first != NO_COLUMN else {}
         indices |= {q: self._column(q, table, header) for q in self._quantities if q not in indices}

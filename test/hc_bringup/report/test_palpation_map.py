@@ -128,6 +128,23 @@ def test_files(plane: Any, suffix: str, tmp_path: Path) -> None:
         assert (rows[:, 2] <= rows[:, 4]).all()
 
 
+def test_a_picture_names_the_axes_that_are_sideways(plane: Any) -> None:
+    """Regression: with --tip-axes zx they were called x and y all the same."""
+    drawn = map_file.draw(plane, "a map", "zx")
+    labels = [(axes.get_xlabel(), axes.get_ylabel()) for axes in drawn.axes]
+    assert labels[0] == ("z [mm]", "x [mm]")
+    assert labels[1][0] == "z [mm]"
+    line = fit_map(places_of(np.column_stack([np.linspace(0.0, 24.0, 49), np.full(49, 8.0)])))
+    assert "sideways: y [mm]" in [a.get_xlabel() for a in map_file.draw(line, "", "yz").axes]
+
+
+def test_the_label_of_a_hard_spot_is_readable_beside_a_narrow_map(plane: Any) -> None:
+    """Regression: it was white, and wider than the map, so that its ends were white on white."""
+    (label,) = [text for text in map_file.draw(plane, "a map").axes[0].texts if text.get_text()]
+    assert label.get_bbox_patch() is not None
+    assert label.get_bbox_patch().get_facecolor()[:3] == (0.0, 0.0, 0.0)
+
+
 def test_mesh_is_whole(plane: Any) -> None:
     lines = map_file.encode(plane, Path("map.ply"), "a map").decode().splitlines()
     end = lines.index("end_header")

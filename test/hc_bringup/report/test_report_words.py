@@ -174,3 +174,33 @@ def test_a_truth_that_was_not_recorded_is_no_error(make_run: MakeRun) -> None:
     assert "nan" not in run_page(data, ["hc", "report"]).split("<script", maxsplit=1)[0]
     data.truth[:] = np.nan
     assert not [text for text in said(data) if text.startswith("The true K")]
+
+
+def test_words_where_one_fit_to_all_readings_says_another_force(make_run: MakeRun) -> None:
+    """Regression: K = 0.108 ± 0.004 stood on top of the page, and 0.2999 of one fit far below."""
+    from hc_evaluation.channels import diagnose_channels
+
+    data = make_run(seconds=8.0)
+    channels = diagnose_channels(data.time_s, data.displacement_mm, data.force_n)
+    assert not any("One fit" in text for text in said(data, channels))
+    data = make_run(seconds=8.0)
+    data.estimates["stiffness"] *= 0.5
+    first, second, *_others = verdict(data, find_contacts(data), channels, None)
+    assert first.text.startswith("At rest")
+    assert first.level is Level.NOTE
+    assert second.level is Level.BAD
+    assert second.text.startswith("One fit to the whole recording leaves noise alone and says 0.8")
+    data = make_run(seconds=8.0)
+    data.estimates["stiffness"] *= 0.5
+    data.estimates["covariance"][:, 0] = (0.3 * data.estimates["stiffness"]) ** 2  # it may be so
+    assert not any("One fit" in text for text in said(data, channels))
+
+
+def test_errors_that_are_far_too_small_are_no_honesty(make_run: MakeRun) -> None:
+    """Regression: of two channels that stand still the page said "honest: mean NIS 0.00"."""
+    data = make_run(seconds=3.0, truth=None)
+    assert any(text.startswith("The filter is honest") for text in said(data))
+    data.estimates["nis"][:] = 1e-4
+    words = said(data)
+    assert not any("honest" in text for text in words)
+    assert any("mean NIS 0.0001 (ideal 2)" in text for text in words)

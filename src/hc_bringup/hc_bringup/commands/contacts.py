@@ -192,16 +192,35 @@ def _of_sites(beside: dict[str, list[Any]], contacts: list[Any]) -> list[dict[st
 def _write_maps(
     arguments: argparse.Namespace, data: Any, contacts: list[Any], written: list[str]
 ) -> dict[str, Any]:
+    import numpy as np
+
     from hc_bringup.report import map_file
-    from hc_bringup.report.palpation_map import fit_map, measured_places, usual_depth
+    from hc_bringup.report.palpation_map import (
+        fit_map,
+        measured_places,
+        pressed_mm,
+        usual_depth,
+    )
 
     depth = arguments.depth or usual_depth(contacts)
+    deepest = [
+        pressed_mm(contact) for contact in contacts if np.isfinite(contact.position_mm).all()
+    ]
+    if arguments.depth is not None and deepest and depth > max(deepest):
+        most = math.floor(100.0 * max(deepest)) / 100.0
+        raise UserError(
+            f"--depth {depth:g}: no contact went deeper than {most:g} mm, and beyond that nothing "
+            "was measured; give less",
+            WRONG_USE,
+        )
     found = fit_map(measured_places(data, contacts, depth))
+    axes = data.tip.axes if data.tip is not None else "xy"
     for name in arguments.maps:
-        written.append(_write(Path(name), map_file.encode(found, Path(name), data.title)))
+        written.append(_write(Path(name), map_file.encode(found, Path(name), data.title, axes)))
     summary: dict[str, Any] = {
         "places": len(found.places.log_stiffness),
         "depth_mm": depth,
+        "shallower_contacts": sum(one < depth for one in deepest),
         "length_mm": list(found.length_mm),
     }
     if found.lump is not None:
@@ -253,6 +272,11 @@ def _tell(summary: dict[str, Any], *, as_json: bool) -> None:
         _tell_delay(summary["channel_delay_s"], summary["channel_delay_std_s"])
     if "places" in summary:
         print(f"map of {summary['places']} places, stiffness at {summary['depth_mm']:g} mm")
+        if few := summary["shallower_contacts"]:
+            print(
+                f"{few} of the contacts went less deep: there the map says what their laws would "
+                "be at that depth"
+            )
     lump = summary.get("lump")
     if lump is not None:
         print(lump["in_words"])

@@ -20,6 +20,8 @@ HELP = "run an estimator over a recording (CSV or bag) and print the parameters"
 COMPILES = True
 LEAST_USED_SHARE = 0.02
 """Of the samples: a recording of which less can be used shows nothing of the tissue."""
+DISHONEST_NIS = 20.0
+"""Mean NIS, ideally 2, from which on nothing that stands behind ± holds."""
 _NOTHING_KNOWN = 0.01
 _FIGURES = ("force_predicted_rmse_n", "force_reconstructed_rmse_n", "nis_mean")
 
@@ -114,6 +116,12 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(
             f"{name}: {wrong}: do what stands above them, or see hc doctor "
             f"{shlex.quote(typed(arguments))}"
+        )
+    if not arguments.json and summary["nis_mean"] > DISHONEST_NIS:
+        print(
+            f"{name}: errors are far larger than the filter admits: mean NIS "
+            f"{summary['nis_mean']:.4g} (ideal 2); take what stands behind ± for too small",
+            file=sys.stderr,
         )
     if misfit > MISFIT_SHARE:
         print(

@@ -29,31 +29,39 @@ COLUMNS: Final = ("x [mm]", "y [mm]", "stiffness [N/mm]", "low [N/mm]", "high [N
 COLOURS: Final = "viridis"
 
 
-def encode(found: StiffnessMap, path: Path, title: str) -> bytes:
-    """Return the content of a file of the map; its name says the format."""
+def encode(found: StiffnessMap, path: Path, title: str, axes: str = "xy") -> bytes:
+    """Return the content of a file of the map; its name says the format.
+
+    Args:
+        found: the map.
+        path: the file.
+        title: of a picture.
+        axes: components of the tip's position that are sideways: a picture names them. In a table
+            and a mesh the first is x and the second is y, whatever they are.
+    """
     suffix = path.suffix.lower()
     if suffix == ".csv":
         return _csv(found)
     if suffix == ".ply":
         return _ply(found)
     buffer = io.BytesIO()
-    draw(found, title).savefig(buffer, format=suffix.removeprefix("."), dpi=DPI)
+    draw(found, title, axes).savefig(buffer, format=suffix.removeprefix("."), dpi=DPI)
     return buffer.getvalue()
 
 
 @in_style
-def draw(found: StiffnessMap, title: str) -> Figure:
+def draw(found: StiffnessMap, title: str, axes: str = "xy") -> Figure:
     """Return the picture: along a line a profile, over a plane the map and its uncertainty."""
     figure = new_figure(4.4)
     figure.suptitle(title, parse_math=False)  # a $ in a name begins no formula
     if found.is_line:
-        _profile(figure, found)
+        _profile(figure, found, axes)
     else:
-        _plane(figure, found)
+        _plane(figure, found, axes)
     return figure
 
 
-def _profile(figure: Figure, found: StiffnessMap) -> None:
+def _profile(figure: Figure, found: StiffnessMap, names: str) -> None:
     strip, axes = figure.subplots(2, 1, sharex=True, height_ratios=(1, 5))
     stiffness = np.where(found.known[0], found.stiffness[0], np.nan)
     factor = np.exp(2.0 * found.log_std[0])
@@ -80,7 +88,7 @@ def _profile(figure: Figure, found: StiffnessMap) -> None:
         zorder=0,
     )
     axes.set_ylim(0.0, 1.15 * float(np.nanmax(np.append(stiffness, np.exp(at.log_stiffness)))))
-    axes.set_xlabel("sideways [mm]")
+    axes.set_xlabel(f"sideways: {names[0]} [mm]")
     axes.set_ylabel(f"stiffness at {at.depth_mm:g} mm [N/mm]")
     image: Any = strip.imshow(
         stiffness[None],
@@ -111,7 +119,7 @@ def _inwards(found: StiffnessMap, x_mm: float) -> str:
     return "right" if 2.0 * x_mm > found.x_mm[0] + found.x_mm[-1] else "left"
 
 
-def _plane(figure: Figure, found: StiffnessMap) -> None:
+def _plane(figure: Figure, found: StiffnessMap, names: str) -> None:
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     extent = (found.x_mm[0], found.x_mm[-1], found.y_mm[0], found.y_mm[-1])
     for axes, values, colours, label in (
@@ -123,10 +131,10 @@ def _plane(figure: Figure, found: StiffnessMap) -> None:
         figure.colorbar(image, ax=axes, label=label, shrink=0.8)
         position = found.places.position_mm
         axes.plot(position[:, 0], position[:, 1], ".", color="white", markersize=2.5, alpha=0.8)
-        axes.set_xlabel("x [mm]")
+        axes.set_xlabel(f"{names[0]} [mm]")
         axes.grid(visible=False)
         axes.set_facecolor("0.85")
-    left.set_ylabel("y [mm]")
+    left.set_ylabel(f"{names[1]} [mm]")
     left.set_title("dots: measured there; grey: not known")
     if found.lump is not None:
         x, y = found.lump.x_mm, found.lump.y_mm
@@ -139,6 +147,8 @@ def _plane(figure: Figure, found: StiffnessMap) -> None:
             horizontalalignment="center",
             color="white",
             fontweight="bold",
+            # On a narrow map it is wider than that, and white on white.
+            bbox={"boxstyle": "round", "facecolor": "black", "edgecolor": "none", "alpha": 0.6},
         )
 
 

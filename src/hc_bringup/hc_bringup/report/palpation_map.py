@@ -127,6 +127,12 @@ def usual_depth(contacts: Sequence[Contact]) -> float:
     return max(round(min(USUAL_DEPTH_MM, half), 1), DEPTHS_MM[0])
 
 
+def pressed_mm(contact: Contact) -> float:
+    """Return how deep a contact went below its surface [mm], which its law counts from."""
+    surface_mm = contact.surface_mm if np.isfinite(contact.surface_mm) else 0.0
+    return contact.peak_depth_mm - surface_mm
+
+
 def usual_map(data: RunData, contacts: Sequence[Contact]) -> StiffnessMap | None:
     """Return the map of which a report and the end of a run speak; None where there is none."""
     if data.tip is None:

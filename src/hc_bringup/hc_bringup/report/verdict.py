@@ -18,6 +18,7 @@ from hc_bringup.run_data import RunData
 from hc_bringup.terminal.numbers import engineering, with_spread
 from hc_bringup.zero_effect import effect_in
 from hc_bringup.zero_words import Zeros
+from hc_estimator.stream.both_channels import check_both
 from hc_evaluation.metrics import chi_square_band
 from hc_logger.info import LONGEST_COUNTED_GAP, counts
 
@@ -31,6 +32,14 @@ LITTLE_NIS: Final = 2.5
 ROUGHLY: Final = 0.5
 """Spread of the force, relative, from which on it is known only roughly."""
 DEPTH_MM: Final = 2.0
+NOISE_ALONE: Final = 1.5
+"""Of the force's noise: what one law for all readings leaves where it describes them."""
+APART: Final = 0.1
+DEVIATIONS: Final = 5.0
+"""Of the force: from where on filter and one fit do not say the same."""
+LEAST_NIS: Final = 50
+TOO_GOOD_NIS: Final = 0.5
+"""Mean NIS of readings that hardly change, or of noises that were told far too large."""
 
 
 class Level(str, Enum):
@@ -64,9 +73,23 @@ def verdict(
     if not (data.contact & data.used).any():
         text = "No sample in contact could be used: nothing can be said."
         return [Sentence(Level.BAD, text), *_losses(data)]
+    doubts = [
+        Sentence(Level.BAD, f"{s.sentence[0].upper()}{s.sentence[1:]}.")
+        for s in check_both(data.time_s, data.displacement_mm, data.force_n)
+    ]
+    if any("othing moves" in one.text for one in doubts):
+        return doubts
+    doubt = _of_one_fit(data, channels)
+    first = stiffness_found(data, found)
+    if doubt:  # nothing to be glad of
+        first = [
+            one._replace(level=Level.NOTE) if one.level is Level.GOOD else one for one in first
+        ]
     sentences = [
-        *stiffness_found(data, found),
-        *_fit(data, contacts),
+        *first,
+        *doubt,
+        *doubts,
+        *_fit(data, contacts, doubted=bool(doubts) or _is_dishonest(data)),
         *_channels(data, channels),
         *_unseen(data, channels),
         *_zeros(data),
@@ -120,19 +143,50 @@ def _parameters_found(data: RunData, *, scanned: bool) -> list[Sentence]:
     return [Sentence(Level.GOOD if spread < ROUGHLY * force else Level.NOTE, text + ".")]
 
 
+def _of_one_fit(data: RunData, channels: Any | None) -> list[Sentence]:
+    """Say so where one fit to all readings, which leaves noise alone, says another force.
+
+    A filter that follows what no tissue does ends elsewhere, and is as sure as ever.
+    """
+    if channels is None or channels.clear_faults:  # what is said of these says why
+        return []
+    if not channels.residual_rms_n < NOISE_ALONE * channels.noise_n:
+        return []
+    touched = data.contact & data.used
+    last = int(np.flatnonzero(touched)[-1])
+    depth = float(np.nanquantile(data.displacement_mm[touched], 0.9))
+    if not depth > 0.0:
+        return []
+    stiffness, _, exponent, _ = data.parameters[last]
+    relative = np.array([1.0 / stiffness, float(np.log(depth))])
+    variance = relative @ data.covariance[last][np.ix_([0, 2], [0, 2])] @ relative
+    force = float(stiffness * depth**exponent)
+    of_fit = float(channels.parameters[0] * depth ** channels.parameters[2])
+    apart = abs(of_fit - force)
+    if not apart > max(APART * force, DEVIATIONS * force * float(np.sqrt(variance))):
+        return []
+    text = (
+        f"One fit to the whole recording leaves noise alone and says {of_fit:.3g} N at rest at "
+        f"{depth:.2g} mm, the filter {force:.3g} N: trust neither before hc doctor says why."
+    )
+    return [Sentence(Level.BAD, text)]
+
+
 def _lump(found: StiffnessMap | None) -> list[Sentence]:
     if found is None or found.lump is None:
         return []
     return [Sentence(Level.NOTE, f"{found.lump.sentence(found.is_line)}.")]
 
 
-def _fit(data: RunData, contacts: Sequence[Contact]) -> list[Sentence]:
+def _fit(data: RunData, contacts: Sequence[Contact], *, doubted: bool) -> list[Sentence]:
     used = data.contact & data.used
     share = float(np.mean(data.model_mismatch[used]))
     if share <= MISMATCH_SHARE:
         if not _force_at_rest(data)[1] < UNKNOWN**2:
             text = "Nothing contradicts the contact law, but this motion hardly tests it."
             return [Sentence(Level.NOTE, text)]
+        if doubted:
+            return [Sentence(Level.NOTE, "The filter noticed no misfit of the contact law.")]
         return [Sentence(Level.GOOD, "The contact law describes what the sensors say.")]
     text = f"The contact law does not fit in {100 * share:.0f} % of the contact"
     reason = _places(contacts) or _reason(data)
@@ -235,20 +289,38 @@ def _changes(data: RunData) -> list[Sentence]:
     return [Sentence(Level.NOTE, f"The tissue changed {what}, at {at} s.")]
 
 
+def _mean_nis(data: RunData) -> tuple[float, float]:
+    """Return the mean NIS and up to where it may be by chance; NaN where there are few."""
+    nis = data.nis[settled(data)]
+    nis = nis[np.isfinite(nis)]
+    if len(nis) < LEAST_NIS:
+        return np.nan, np.nan
+    _low, high = chi_square_band(2, len(nis) // 10)  # neighbours are not independent
+    return float(np.mean(nis)), high
+
+
+def _is_dishonest(data: RunData) -> bool:
+    mean, high = _mean_nis(data)
+    return mean > 1.5 * high
+
+
 def _honesty(data: RunData) -> list[Sentence]:
     """Say whether errors are as large as stated: those of the force, and of K where it is known."""
     chosen = settled(data)
-    nis = data.nis[chosen]
-    nis = nis[np.isfinite(nis)]
-    if len(nis) < 50:
+    mean, high = _mean_nis(data)
+    if np.isnan(mean):
         return []
-    mean = float(np.mean(nis))
-    _low, high = chi_square_band(2, len(nis) // 10)  # neighbours are not independent
-    if mean > 1.5 * high:
-        text = f"Errors are larger than the filter admits: mean NIS {mean:.1f} (ideal 2)."
+    if _is_dishonest(data):
+        text = f"Errors are larger than the filter admits: mean NIS {mean:.3g} (ideal 2)."
         return [Sentence(Level.BAD, text)]
     if mean > max(high, LITTLE_NIS):
         text = f"Errors are a little larger than the filter admits: mean NIS {mean:.1f} (ideal 2)."
+        return [Sentence(Level.NOTE, text)]
+    if mean < TOO_GOOD_NIS:
+        text = (
+            f"Errors are far smaller than the filter states: mean NIS {mean:.2g} (ideal 2). Its "
+            "noises are too large, or the readings hardly change."
+        )
         return [Sentence(Level.NOTE, text)]
     if data.truth is not None and np.isfinite(data.truth[chosen, 0]).any():
         # Of some samples the truth was not recorded: the rig does not wait for a reader of it.

@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from hc_estimator.stream import channel_checks, range_checks, stamp_checks
+from hc_estimator.stream.both_channels import check_both
 from hc_estimator.stream.exchanged import exchanged
 from hc_estimator.stream.free_motion import RISE_SHARE, free_motion
 from hc_estimator.stream.readings import (
@@ -68,9 +69,15 @@ def check_samples(
     result = check_channels(displacement, force, force_limit_n)
     with np.errstate(all="ignore"):
         wrong = exchanged(*_at_common_times(displacement, force))
-    if wrong is None:
-        return result
-    return [*(s for s in result if s.check is Check.TIMES), wrong]  # all else is of other channels
+    of_both = check_both(time_s, displacement_mm, force_n)
+    if any(s.check is Check.STUCK for s in of_both):
+        wrong = of_both[0]
+    if wrong is not None:  # all else is of other channels, or of none
+        return [*(s for s in result if s.check is Check.TIMES), wrong]
+    if any(s.check is Check.TIMES for s in result):  # nothing is known of rates
+        of_both = [s for s in of_both if s.check is not Check.RATE]
+    order = list(Check)
+    return sorted((*result, *of_both), key=lambda s: order.index(s.check))
 
 
 def check_channels(

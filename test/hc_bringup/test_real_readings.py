@@ -1,0 +1,73 @@
+"""Samples that somebody interpolated are no readings: commands say so, and leave them out."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from hc_bringup.cli import main
+
+SAID = "the displacement is interpolated between readings of 250 Hz: only those are used"
+K = 0.3
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory):
+    """Six seconds of presses; the positions are of 250 Hz, brought to the 1 kHz of the force."""
+    generator = np.random.default_rng(8)
+    time_s = np.arange(0.0, 6.0, 0.001)
+
+    def depth(times):
+        return 1.0 + 1.6 * np.sin(6.2 * times - 1.5) + 0.6 * np.sin(15.0 * times)
+
+    speed = 9.92 * np.cos(6.2 * time_s - 1.5) + 9.0 * np.cos(15.0 * time_s)
+    within = np.maximum(depth(time_s), 0.0) ** 1.5
+    force = within * (K + 0.01 * speed) + 0.01 * generator.standard_normal(time_s.size)
+    read_s = time_s[::4]
+    readings = depth(read_s) + 0.002 * generator.standard_normal(read_s.size)
+    rows = np.column_stack([time_s, np.interp(time_s, read_s, readings), force])
+    path = tmp_path_factory.mktemp("interpolated") / "press.csv"
+    names = "time_s,displacement_mm,force_N"
+    np.savetxt(path, rows, delimiter=",", header=names, comments="", fmt="%.7f")
+    return path
+
+
+def test_only_the_readings_are_estimated_and_that_is_said(table, tmp_path, capsys):
+    out = tmp_path / "out.csv"
+    assert main(["estimate", str(table), "--json", "-o", str(out)]) == 0
+    said = capsys.readouterr()
+    assert SAID in said.err
+    summary = json.loads(said.out)
+    assert summary["displacements"] == pytest.approx(1500, abs=1)
+    assert summary["forces"] == summary["samples"] == 6000
+    assert summary["rejected"] == {}
+    error = summary["parameters"]["stiffness"] - K
+    assert abs(error) < 3.5 * summary["parameters_std"]["stiffness"]
+    with out.open() as file:
+        assert len(list(csv.reader(file))) == 6001
+
+
+def test_rows_without_any_reading_are_gone_where_both_were_interpolated(table, tmp_path, capsys):
+    rows = np.loadtxt(table, delimiter=",", skiprows=1)[::4]
+    time_s = np.arange(rows[0, 0], rows[-1, 0], 0.001)
+    both = [time_s, *(np.interp(time_s, rows[:, 0], column) for column in rows.T[1:])]
+    path = tmp_path / "both.csv"
+    names = "time_s,displacement_mm,force_N"
+    np.savetxt(path, np.column_stack(both), delimiter=",", header=names, comments="", fmt="%.7f")
+    assert main(["estimate", str(path), "--json"]) == 0
+    said = capsys.readouterr()
+    assert SAID in said.err
+    assert SAID.replace("displacement", "force") in said.err
+    assert json.loads(said.out)["samples"] == pytest.approx(1500, abs=2)
+
+
+def test_doctor_batch_and_report_say_it(table, tmp_path, capsys):
+    assert main(["doctor", str(table), "--json"]) == 0
+    assert SAID in json.loads(capsys.readouterr().out)["notes"]
+    page = tmp_path / "press.html"
+    assert main(["report", str(table), "-o", str(page)]) == 0
+    assert SAID in page.read_text()
+    assert main(["batch", str(table), "-o", str(tmp_path / "batch")]) == 0
+    capsys.readouterr()
+    assert any(SAID in f.read_text() for f in (tmp_path / "batch").rglob("*.html"))
