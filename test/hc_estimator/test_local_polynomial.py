@@ -13,6 +13,7 @@ from hc_estimator.multiple_model.local_polynomial import (
     QUARTIC_NOISE,
     SEXTIC,
     SEXTIC_NOISE,
+    TO_BE_READ,
 )
 
 HALF = 0.015
@@ -141,6 +142,17 @@ def test_a_slow_sensor_has_two_more_readings_and_degree_six():
     terms = np.polyfit(time, motion, 6)
     np.testing.assert_allclose(found[0, PLACE], terms[6], rtol=1e-9)
     np.testing.assert_allclose(found[0, BEND], 2.0 * terms[4], rtol=1e-5, atol=1e-3)
+
+
+def test_degree_six_waits_for_its_last_readings():
+    period = 1.0 / 66.0
+    time = period * (np.arange(-5, 5) + 0.5)
+    motion = 2.0 + 0.19 * np.sin(2.0 * np.pi * 7.6 * time)
+    wide = {"half": 3.5 * period, "wider": 4.5 * period}
+    degree, _found = fitted(time[:-1], motion[:-1], 5.0 + time[:-1], **wide)
+    assert degree == TO_BE_READ
+    calm = 2.0 + time
+    assert fitted(time[:-1], calm[:-1], 5.0 + time[:-1], **wide)[0] == QUADRATIC
 
 
 @pytest.mark.parametrize(("rate", "more"), [(1000.0, False), (310.0, False), (200.0, True)])

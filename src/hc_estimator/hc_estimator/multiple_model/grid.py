@@ -14,7 +14,7 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import delay_points, local_polynomial, smoothing
 from hc_estimator.multiple_model.delay_records import CANDIDATES, GRID, RAW
-from hc_estimator.multiple_model.local_polynomial import FEWEST_READINGS, SLACK
+from hc_estimator.multiple_model.local_polynomial import FEWEST_READINGS, SLACK, TO_BE_READ
 
 STEP = 0.010  # between two points of the grid, at least [s]
 HALF_WIDTH = 0.015  # of the local parabola [s]
@@ -148,8 +148,8 @@ def places_about(finder: Any, time: float, within: float) -> tuple[float, float]
 
 
 @compiled
-def _add_point(finder: Any, centre: float, half: float, wider: float, noise: Any) -> bool:
-    """Add the point of a time to the grid; False if readings are few in either channel.
+def _add_point(finder: Any, centre: float, half: float, wider: float, noise: Any) -> int:
+    """Add the point of a time to the grid, unless readings are few; see `local_polynomial.fit`.
 
     Args:
         finder: changed.
@@ -159,8 +159,8 @@ def _add_point(finder: Any, centre: float, half: float, wider: float, noise: Any
         noise: variances of a reading, shape (2,).
     """
     degree = local_polynomial.fit(finder, centre, half, wider, noise)
-    if degree == 0:
-        return False
+    if degree <= 0:
+        return degree
     point = finder.grid[finder.grid_count % GRID]
     place, force = finder.fitted_to[0], finder.fitted_to[1]
     for i in range(3):
@@ -174,7 +174,7 @@ def _add_point(finder: Any, centre: float, half: float, wider: float, noise: Any
     point[9] = force[5]
     finder.grid_count += 1
     finder.grid_next += finder.grid_step
-    return True
+    return degree
 
 
 @compiled
@@ -194,7 +194,7 @@ def advance(finder: Any, noise: Any) -> bool:
     last0 = finder.raw_time[0, (finder.raw_count[0] - 1) % RAW]
     last1 = finder.raw_time[1, (finder.raw_count[1] - 1) % RAW]
     wider = local_polynomial.widest(half, slowest)
-    newest = min(last0, last1) - wider
+    newest = min(last0, last1) - half
     finder.grid_width = 2.0 * half
     if finder.grid_count == 0:
         _choose_step(finder)
@@ -202,12 +202,14 @@ def advance(finder: Any, noise: Any) -> bool:
     if finder.grid_next > newest + SLACK * half:
         return False
     centre = finder.grid_next
-    if not _add_point(finder, centre, half, wider, noise):
-        if finder.grid_count > 0 and centre > newest + wider - WIDER * half:
+    degree = _add_point(finder, centre, half, wider, noise)
+    if degree == TO_BE_READ:
+        return False
+    if degree == 0:
+        widest = WIDER * half
+        if finder.grid_count > 0 and centre > newest + half - widest:
             return False  # the readings beyond the gap are still to come
-        if finder.grid_count == 0 or not _add_point(
-            finder, centre, WIDER * half, WIDER * half, noise
-        ):
+        if finder.grid_count == 0 or _add_point(finder, centre, widest, widest, noise) == 0:
             finder.grid_count = 0
             return False
     reach = min(int(LARGEST / finder.grid_step), CANDIDATES // 2)

@@ -6,8 +6,8 @@ than the noise of a good sensor: those points fitted nothing, and were thrown aw
 same width flattens next to nothing there, and its values have 1.6 times the variance. It is taken
 where a parabola leaves more than noise. (Of quick taps at 125 to 500 Hz with the zeros off, a
 sensor of 0.3 um and 0.5 mN told K 20 to 70 % wrong, and said so; `test_fine_sensors.py`.)
-Where a parabola has few readings they take long, and a quartic flattens those taps as well: two
-more readings and degree six do not, with the noise of the quartic.
+Where a parabola has few readings they take long, and a quartic may flatten those taps as well: two
+more readings and degree six do not, with about the noise of the quartic.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ SMOOTH = 4.0  # mean square left over the noise up to which a polynomial fits
 FLATTENS = 4.0
 FOLLOWS = 2.0
 QUADRATIC, QUARTIC, SEXTIC = 2, 4, 6  # degrees
+TO_BE_READ = -1
 # Variance of a value over that of a parabola's: a quartic's of the same width, and that of degree
 # six with nine readings instead of seven.
 QUARTIC_NOISE = 25.0 / 16.0
@@ -188,6 +189,15 @@ def _is_touching(finder: Any, half: float, noise: float) -> bool:
 
 
 @compiled
+def _is_read_to(finder: Any, time: float) -> bool:
+    """True if both channels have been read up to a time [s]."""
+    for channel in range(2):
+        if finder.raw_time[channel, (finder.raw_count[channel] - 1) % RAW] < time:
+            return False
+    return True
+
+
+@compiled
 def fit(finder: Any, centre: float, half: float, wider: float, noise: Any) -> int:
     """Fit the readings of both channels about a time, in finder.fitted_to.
 
@@ -204,7 +214,7 @@ def fit(finder: Any, centre: float, half: float, wider: float, noise: Any) -> in
         noise: variances of a reading, shape (2,).
 
     Returns:
-        Degree; 0 if readings are few in either channel.
+        Degree; 0 if readings are few in either channel, `TO_BE_READ` if more are still to come.
     """
     bends = False
     for channel in range(2):
@@ -217,7 +227,14 @@ def fit(finder: Any, centre: float, half: float, wider: float, noise: Any) -> in
             bends = True
     if not bends:
         return QUADRATIC
-    degree = SEXTIC if wider > half else QUARTIC
+    fits = True
     for channel in range(2):
-        _refine(finder, channel, centre, wider, degree)
-    return degree
+        _refine(finder, channel, centre, half, QUARTIC)
+        fits = fits and finder.fitted_to[channel, 3] <= SMOOTH * noise[channel]
+    if fits or wider == half:
+        return QUARTIC
+    if not _is_read_to(finder, centre + wider * (1.0 - SLACK)):
+        return TO_BE_READ
+    for channel in range(2):
+        _refine(finder, channel, centre, wider, SEXTIC)
+    return SEXTIC
