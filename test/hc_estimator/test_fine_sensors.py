@@ -1,9 +1,12 @@
-"""Quick taps with sensors that are better than parabolas: what flattens a motion must not hide it.
+"""Quick taps with sensors that nobody tared, fine ones and ordinary ones.
 
 Regression of 2026-11-28. A parabola through 30 ms of readings flattens taps at 2.3 Hz by more than
 the noise of a good sensor. Such points fitted nothing and were thrown away, so that a force sensor
 of 0.5 mN that nobody had tared told K 20 to 70 % wrong (and said that no law fitted) where one
-of 8 mN had it right. With quartics the better sensor knows more (`local_polynomial`).
+of 8 mN had it right. With quartics the better sensor knows more (`local_polynomial`). And ordinary
+sensors (20 um, 30 mN) had K 8 to 17 % wrong at the median, for the tool is outside for 80 ms at a
+time, which was too short to count (`air_zero`), and of the way in nothing was used until the force
+had been there for 40 ms (`history`).
 """
 
 import numpy as np
@@ -15,7 +18,7 @@ SECONDS = 16.0
 SETTLED = 8.0  # [s]
 
 
-def taps(seed, rate, noise):
+def taps(seed, rate, noise, *, position=True, zero=True):
     """Stamps, readings of both sensors with their zeros off, and K of a tissue that is drawn.
 
     Sines of 1.9 and 0.19 mm, 2.1 to 2.5 and 3.3 times as many Hz, that leave the tissue.
@@ -31,23 +34,28 @@ def taps(seed, rate, noise):
     speed = 1.9 * np.cos(angle * time + first) + 0.627 * np.cos(3.3 * angle * time + second)
     drag = damping * np.sign(speed) * np.abs(angle * speed) ** p
     force = np.maximum(place, 0.0) ** n * np.maximum(stiffness + drag, 0.0)
-    place = place + draw.choice([-1.0, 1.0]) * draw.uniform(0.05, 0.25)
-    force = force + draw.choice([-1.0, 1.0]) * draw.uniform(0.003, 0.02) * force.max()
+    place = place + position * draw.choice([-1.0, 1.0]) * draw.uniform(0.05, 0.25)
+    force = force + zero * draw.choice([-1.0, 1.0]) * draw.uniform(0.003, 0.02) * force.max()
     place = place + noise[0] * draw.standard_normal(time.size)
     return time, place, force + noise[1] * draw.standard_normal(time.size), stiffness
 
 
-def errors_of(rate, noise, seeds):
-    """Errors of ln K at 90 % of the settled samples, and shares with a misfit told; by seed."""
-    errors, misfits = [], []
+def errors_of(rate, noise, seeds, **off):
+    """By seed: errors of ln K at 90 % of the settled samples, and what is told of the samples.
+
+    That is the share with K within three deviations or 3 %, and with a misfit told.
+    """
+    errors, within, misfits = [], [], []
     for seed in seeds:
-        time, place, force, stiffness = taps(seed, rate, noise)
+        time, place, force, stiffness = taps(seed, rate, noise, **off)
         series = hc.create_estimator("self_tuning_ukf").run(time, place, force)
         late = time > SETTLED
-        off = np.abs(np.log(series.parameters[late, 0] / stiffness))
-        errors.append(np.quantile(off, 0.9))
+        error = np.abs(np.log(series.parameters[late, 0] / stiffness))
+        errors.append(np.quantile(error, 0.9))
+        deviation = series.parameters_std[late, 0] / series.parameters[late, 0]
+        within.append(np.mean((error < 3.0 * deviation) | (error < 0.03)))
         misfits.append(np.mean(series.model_mismatch[late]))
-    return np.array(errors), np.array(misfits)
+    return np.array(errors), np.array(within), np.array(misfits)
 
 
 @pytest.mark.parametrize(
@@ -61,7 +69,16 @@ def errors_of(rate, noise, seeds):
     ],
 )
 def test_a_fine_sensor_that_nobody_tared_knows_the_stiffness(rate, noise):
-    errors, misfits = errors_of(rate, noise, range(8))
+    errors, _within, misfits = errors_of(rate, noise, range(8))
     assert np.median(errors) < 0.005
     assert np.sort(errors)[-2] < 0.05  # all but one of eight
     assert np.mean(misfits) < 0.15
+
+
+@pytest.mark.parametrize(("position", "zero"), [(True, True), (True, False), (False, True)])
+def test_an_ordinary_sensor_knows_its_zeros(position, zero):
+    noise = 0.02, 0.03
+    errors, within, misfits = errors_of(200.0, noise, range(10), position=position, zero=zero)
+    assert np.median(errors) < 0.05
+    assert np.mean(within) > 0.9
+    assert np.mean(misfits) < 0.03

@@ -175,7 +175,7 @@ GUESTS = {
         "since state",
     },
     "multiple_model/zero_fit": {
-        "fit": "held values",
+        "fit": "air_zero air_zero_deviation held values",
         "onset": "force_deviation position_deviation shift",
     },
     "multiple_model/batch_fit": {
