@@ -131,3 +131,15 @@ def test_a_zero_is_known_better_with_every_visit():
     said = series.force_zero_std[np.isfinite(series.force_zero_std) & (series.force_zero != 0.0)]
     assert said[-1] < 0.6 * said[0]
     assert abs(series.force_zero[-1] + 0.1) < 4.0 * said[-1]
+
+
+def test_what_sticks_on_the_way_out_is_no_zero():
+    """A tenth of a newton that lets go over half a millimetre: K was up to 10 % wrong by it."""
+    time, place, force = short_visits(0.0)
+    speed = np.gradient(1.6 - 2.0 * np.cos(2.0 * np.pi * 2.3 * time), time)
+    gap = np.maximum(-(1.6 - 2.0 * np.cos(2.0 * np.pi * 2.3 * time)), 0.0)
+    force = force - np.where((gap > 0.0) & (speed < 0.0), 0.1 * np.exp(-gap / 0.5), 0.0)
+    series = hc.create_estimator(FILTER).run(time, place, force)
+    assert np.max(np.abs(series.force_zero)) < 0.008
+    error = np.abs(np.log(series.parameters[time > 8.0, 0] / K))
+    assert np.quantile(error, 0.9) < 0.02

@@ -29,12 +29,11 @@ from hc_estimator.multiple_model.air_window import (
     WILDEST,
 )
 from hc_estimator.multiple_model.contact_onset import CAME_DOWN, LEAST_DISTANCE, SURE
-from hc_estimator.multiple_model.hypotheses import DEPTH, SURFACE
+from hc_estimator.multiple_model.hypotheses import DEPTH, SURFACE, VELOCITY
 
 SURELY = 3.0  # deviations of the depth
 TOUCHED = 1.0  # time in contact after which the first touch is over [s]
-SETTLING = 0.06  # time outside that is left to a force that may be late [s]
-SETTLED = 0.01  # the same where it is known not to be [s]
+SETTLING = 0.06  # time outside that is left to a force that is late, or to what sticks [s]
 FINER = 0.5  # of a deviation at which a mean takes its place
 LONGEST = 1.0  # of readings that are judged together [s]
 FORGETTING = 10.0  # time outside after which a mean begins anew [s]
@@ -96,7 +95,7 @@ def learn(settings: Any, bank: Any, time: float) -> None:
         air.travelled = 0
         return
     air.outside += clock.elapsed
-    if air.outside < _settling(settings, bank):
+    if air.outside < SETTLING and not _comes_back_in_step(settings, bank, row):
         return
     air.time += clock.elapsed
     air.place_variance = row.covariance[DEPTH, DEPTH]
@@ -107,13 +106,13 @@ def learn(settings: Any, bank: Any, time: float) -> None:
 
 
 @compiled
-def _settling(settings: Any, bank: Any) -> float:
-    """Time outside after which a force is of the air [s]."""
+def _comes_back_in_step(settings: Any, bank: Any, row: Any) -> bool:
+    """True if the force is known not to be late and the tool comes back: nothing sticks to it."""
     finder = bank.delay
     if place_delay.may_be_late(settings, bank.place) and not place_delay.is_known(finder):
-        return SETTLING
+        return False
     late = finder.deviation if finder.deviation > 0.0 else 0.0
-    return SETTLED + SURELY * late
+    return bool(row.state[VELOCITY] > 0.0 and bank.air.outside > SURELY * late)
 
 
 @compiled
