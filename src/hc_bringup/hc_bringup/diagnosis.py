@@ -138,9 +138,8 @@ def diagnose(
             break
         doubt = doubts[0]
         nothing_moves = doubt.check is Check.STUCK and doubt.channel == "both"
-        if (
-            doubt.check is Check.EXCHANGED or nothing_moves
-        ):  # every other word would be of the other channel
+        # Every other word would be of the other channel, or of nothing.
+        if doubt.check is Check.EXCHANGED or nothing_moves:
             return Diagnosis((*findings, Finding(doubt.sentence)), None, (), 0.0)
         treated.add((doubt.check, doubt.channel, doubt.since_s, doubt.until_s))
         settings = samples.put_right(doubt)

@@ -56,12 +56,13 @@ def write_estimates(path: Path, recording: Any, series: Any) -> None:
     Raises:
         UserError: if it cannot be written.
     """
-    from hc_logger.new_file import new_file
+    from hc_logger.errors import BagError
+    from hc_logger.new_file import failures_in_words, new_file
 
     lines = estimate_lines(recording, series)
     compression = BY_SUFFIX.get(path.suffix.lower())
     try:
-        with contextlib.ExitStack() as stack:
+        with failures_in_words(path), contextlib.ExitStack() as stack:
             file: Any = stack.enter_context(new_file(path))
             if path.suffix.lower() == PARQUET:
                 write_parquet(file, lines)
@@ -70,12 +71,8 @@ def write_estimates(path: Path, recording: Any, series: Any) -> None:
                 file = stack.enter_context(compression.opener(file, "wb"))
             for part in lines:
                 file.write(part.encode())
-    except FileExistsError:
-        raise UserError(
-            f"{path} exists already and is not overwritten; give another name or delete it"
-        ) from None
-    except OSError as error:
-        raise UserError(f"cannot write {path}: {error.strerror or error}") from error
+    except BagError as error:
+        raise UserError(str(error)) from error
 
 
 def write_parquet(file: Any, lines: Iterator[str]) -> None:

@@ -176,10 +176,21 @@ def write_new_text(
         BagExistsError: if the file exists and overwrite is not set.
         BagError: if it cannot be written; nothing is left of it then.
     """
+    with failures_in_words(path), new_file(path, overwrite=overwrite) as file:
+        for part in parts:
+            file.write(part.encode())
+
+
+@contextlib.contextmanager
+def failures_in_words(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Say in one line why a new file could not be written.
+
+    Raises:
+        BagExistsError: if it exists.
+        BagError: if it could not be written.
+    """
     try:
-        with new_file(path, overwrite=overwrite) as file:
-            for part in parts:
-                file.write(part.encode())
+        yield
     except FileExistsError:
         raise BagExistsError(
             f"{path} exists already and is not overwritten; give another name or delete it"

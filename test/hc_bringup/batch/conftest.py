@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -48,3 +49,15 @@ def break_some() -> Callable[[Path], int]:
         return 5
 
     return put
+
+
+@pytest.fixture
+def call_it_another_study() -> Callable[[Path], None]:
+    """Lets what is in a folder be of a study that any other goes on with, as before 2026-11-28."""
+
+    def rewrite(target: Path) -> None:
+        manifest = json.loads((target / "manifest.json").read_text())
+        del manifest["reading"]
+        (target / "manifest.json").write_text(json.dumps(manifest | {"variants": []}))
+
+    return rewrite

@@ -103,14 +103,9 @@ def test_recordings_without_a_touch_that_counts_stay_on_the_page(
     assert "nan ±" not in page
 
 
-def call_it_another_study(target: Path) -> None:
-    """Let what is in the folder be of a study that any other goes on with, as before 2026-11-28."""
-    manifest = json.loads((target / "manifest.json").read_text())
-    del manifest["reading"]
-    (target / "manifest.json").write_text(json.dumps(manifest))
-
-
-def test_with_and_without_sites_are_other_results(make_recordings: MakeRecordings) -> None:
+def test_with_and_without_sites_are_other_results(
+    make_recordings: MakeRecordings, call_it_another_study: Callable[[Path], None]
+) -> None:
     folder = make_recordings(1)
     target = folder.parent / "out"
     words = ["batch", str(folder), "-o", str(target), "-j", "1", "--filter", "ukf"]

@@ -19,6 +19,7 @@ from hc_bringup.terminal.numbers import engineering, with_spread
 from hc_bringup.zero_effect import effect_in
 from hc_bringup.zero_words import Zeros
 from hc_estimator.stream.both_channels import check_both
+from hc_estimator.stream.readings import Check
 from hc_evaluation.metrics import chi_square_band
 from hc_logger.info import LONGEST_COUNTED_GAP, counts
 
@@ -73,11 +74,9 @@ def verdict(
     if not (data.contact & data.used).any():
         text = "No sample in contact could be used: nothing can be said."
         return [Sentence(Level.BAD, text), *_losses(data)]
-    doubts = [
-        Sentence(Level.BAD, f"{s.sentence[0].upper()}{s.sentence[1:]}.")
-        for s in check_both(data.time_s, data.displacement_mm, data.force_n)
-    ]
-    if any("othing moves" in one.text for one in doubts):
+    suspicions = check_both(data.time_s, data.displacement_mm, data.force_n)
+    doubts = [Sentence(Level.BAD, f"{s.sentence[0].upper()}{s.sentence[1:]}.") for s in suspicions]
+    if any(s.check is Check.STUCK for s in suspicions):
         return doubts
     doubt = _of_one_fit(data, channels)
     first = stiffness_found(data, found)
