@@ -25,7 +25,12 @@ from typing import Any, TypeVar
 
 import llvmlite.binding
 import numba
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, InTreeCacheLocator
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    IndexDataCacheFile,
+    InTreeCacheLocator,
+)
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -84,8 +89,7 @@ class KernelCompiler:
             dispatcher = inlined(function, nogil=nogil)
         else:
             own = dispatcher._cache
-            # numba offers no public way to add to the stamp; its index file holds it here.
-            own._cache_file._source_stamp = stamp
+            _check_by(own, stamp)
         _link_current_mathematics()
         # Who names another folder may want other code (NUMBA_BOUNDSCHECK): the shipped is not his.
         if not numba.config.CACHE_DIR:
@@ -161,6 +165,30 @@ def by_code(functions: Sequence[Callable[..., Any]], code: int = 0) -> Callable[
     return chosen
 
 
+class CheckedCode(IndexDataCacheFile):  # type: ignore[misc]
+    """Cached code of one function that says itself what it was made of.
+
+    numba writes the index before the code that it names. A process that reads in between, as of two
+    that compile after an upgrade, found what an older source or another signature had left there.
+    """
+
+    def save(self, key: Any, data: Any) -> None:
+        """Keep the code of a signature."""
+        super().save(key, (self._source_stamp, key, data))
+
+    def load(self, key: Any) -> Any:
+        """Return the code of a signature; None if there is none of these sources."""
+        kept = super().load(key)
+        if not isinstance(kept, tuple) or kept[:2] != (self._source_stamp, key):
+            return None
+        return kept[2]
+
+
+def _check_by(cache: Any, stamp: str) -> None:
+    """Let a function's cache hold for sources of this stamp; numba offers no public way."""
+    cache._cache_file = CheckedCode(cache._cache_path, cache._impl.filename_base, stamp)
+
+
 class _BesideTheSources(InTreeCacheLocator):  # type: ignore[misc]  # numba ships no types
     """The folder beside the sources, whether it can be written or not."""
 
@@ -182,7 +210,7 @@ class ShippedCode(FunctionCache):  # type: ignore[misc]
     def __init__(self, function: Callable[..., Any], stamp: str, own: FunctionCache | None) -> None:
         """Use what was compiled from sources of this stamp; None for a user without a cache."""
         super().__init__(function)
-        self._cache_file._source_stamp = stamp
+        _check_by(self, stamp)
         self._own = own
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
