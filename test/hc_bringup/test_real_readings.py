@@ -1,4 +1,4 @@
-"""Samples that somebody interpolated are no readings: commands say so, and leave them out."""
+"""Samples that were interpolated or repeated are no readings: commands say so, leave them out."""
 
 import csv
 import json
@@ -71,3 +71,46 @@ def test_doctor_batch_and_report_say_it(table, tmp_path, capsys):
     assert main(["batch", str(table), "-o", str(tmp_path / "batch")]) == 0
     capsys.readouterr()
     assert any(SAID in f.read_text() for f in (tmp_path / "batch").rglob("*.html"))
+
+
+REPEATS = "the displacement repeats readings of 31.25 Hz: each counts once"
+
+
+@pytest.fixture(scope="module")
+def repeated(table, tmp_path_factory):
+    """Twenty seconds at 125 Hz of an arm whose pose comes once in four samples."""
+    generator = np.random.default_rng(4)
+    time_s = np.arange(0.0, 20.0, 0.008)
+    depth, speed = np.full(time_s.size, 2.5), np.zeros(time_s.size)
+    for hertz, phase in ((0.31, 1.0), (0.74, 2.2), (1.15, 0.3)):
+        depth += 0.6 * np.sin(2.0 * np.pi * hertz * time_s + phase)
+        speed += 1.2 * np.pi * hertz * np.cos(2.0 * np.pi * hertz * time_s + phase)
+    force = np.maximum(depth, 0.0) ** 1.3 * (1.1 + 0.02 * speed)
+    force += 0.01 * generator.standard_normal(time_s.size)
+    pose = np.repeat((depth + 0.003 * generator.standard_normal(time_s.size))[::4], 4)
+    path = tmp_path_factory.mktemp("repeated") / "arm.csv"
+    names = "time_s,displacement_mm,force_N"
+    rows = np.column_stack([time_s, pose[: time_s.size], force])
+    np.savetxt(path, rows, delimiter=",", header=names, comments="", fmt="%.7f")
+    return path
+
+
+def test_each_reading_that_is_repeated_counts_once(repeated, capsys):
+    assert main(["estimate", str(repeated), "--json"]) == 0
+    said = capsys.readouterr()
+    assert REPEATS in said.err
+    assert "changes only once" not in said.err
+    summary = json.loads(said.out)
+    assert summary["displacements"] == pytest.approx(625, abs=2)
+    assert summary["forces"] == summary["samples"] == 2500
+    error = summary["parameters"]["stiffness"] - 1.1
+    assert abs(error) < min(3.5 * summary["parameters_std"]["stiffness"], 0.03)
+
+
+def test_who_says_that_it_is_not_repeated_is_believed(repeated, capsys):
+    command = ["estimate", str(repeated), "--json", "--input", "position.held=false"]
+    assert main(command) == 0
+    said = capsys.readouterr()
+    assert "counts once" not in said.err.replace("count each reading once", "")
+    assert "changes only once in 4 samples" in said.err
+    assert json.loads(said.out)["displacements"] == 2500

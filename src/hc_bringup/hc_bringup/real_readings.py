@@ -1,9 +1,47 @@
-"""A recording without the samples that were only interpolated between readings of a channel."""
+"""A recording without samples that are no readings: repeated ones, and interpolated ones."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any
+
+
+def less_repeated(recording: Any, settings: Mapping[str, Any]) -> Any:
+    """Return a recording in which each reading of a channel that is repeated counts once.
+
+    Who says whether a channel is held is believed. A note says at what rate the channel comes.
+
+    Args:
+        recording: hc_logger.recorded.Recording.
+        settings: of the input, by name.
+    """
+    import numpy as np
+
+    from hc_estimator.stream.channel_checks import held
+    from hc_estimator.stream.readings import Readings
+    from hc_estimator.stream.repeats import new_readings
+    from hc_estimator.stream.stamp_checks import rate_of
+
+    changed, notes = {}, []
+    for name, column in (("displacement", "displacement_mm"), ("force", "force_n")):
+        setting = "position.held" if name == "displacement" else "force.held"
+        if setting in settings:
+            continue
+        values = getattr(recording, column)
+        there = np.flatnonzero(np.isfinite(values) & np.isfinite(recording.time_s))
+        time_s = recording.time_s[there]
+        _sentence, repeats = held(Readings(name, "", time_s, values[there]))
+        if np.isnan(repeats):
+            continue
+        kept = values.copy()
+        kept[there[~new_readings(recording.stamps[there], values[there])]] = np.nan
+        changed[column] = kept
+        notes.append(
+            f"the {name} repeats readings of {rate_of(time_s) / repeats:.4g} Hz: each counts once "
+            f"(--input {setting}=false: all of them)"
+        )
+    return _with_readings(recording, changed, notes)
 
 
 def less_interpolated(recording: Any) -> Any:
@@ -35,14 +73,19 @@ def less_interpolated(recording: Any) -> Any:
             f"the {name} is interpolated between readings of {found.rate_hz:.4g} Hz: only those "
             "are used"
         )
-    if not changed:
-        return recording
-    findings = recording.findings
-    read = dataclasses.replace(
-        recording, findings=findings._replace(notes=(*findings.notes, *notes)), **changed
-    )
+    read = _with_readings(recording, changed, notes)
     rows = ~(lost & np.isnan(read.displacement_mm) & np.isnan(read.force_n))
     if rows.all():
         return read
     columns = ("time_s", "stamps", "sequence", "displacement_mm", "force_n")
     return dataclasses.replace(read, **{name: getattr(read, name)[rows] for name in columns})
+
+
+def _with_readings(recording: Any, changed: Mapping[str, Any], notes: list[str]) -> Any:
+    """Return a recording with some of its columns changed, and what is to be said of that."""
+    if not changed:
+        return recording
+    findings = recording.findings
+    return dataclasses.replace(
+        recording, findings=findings._replace(notes=(*findings.notes, *notes)), **changed
+    )

@@ -21,7 +21,7 @@ from hc_bringup.read_otherwise import (
     read_as,
     what_is_allowed,
 )
-from hc_bringup.real_readings import less_interpolated
+from hc_bringup.real_readings import less_interpolated, less_repeated
 
 ZEROS = ("force.zero", "position.zero")
 """What can be said of any recording."""
@@ -259,7 +259,7 @@ def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
             recording = read_recording(arguments.input, csv_options=options)
             recording = read_as(recording, sensors)
             if not getattr(arguments, "verify", False):  # which compares what was estimated then
-                recording = less_interpolated(recording)
+                recording = less_interpolated(less_repeated(recording, sensors))
         else:
             recording = _read_sensors(arguments.input, sensors)
         recording = less_compliance(recording, mm_per_n, of_samples=as_read)
