@@ -63,11 +63,12 @@ def test_a_point_of_the_grid_is_the_least_squares_parabola(records_of, seed, rat
     point = finder.grid[(finder.grid_count - 1) % finder.grid.shape[0]]
     inside = np.abs(time - centre) <= EDGE * half
     c, b, a = np.polyfit(time[inside] - centre, values[inside], 2)
-    np.testing.assert_allclose(point[:3], [a, b, 2.0 * c], rtol=1e-6, atol=1e-6)
+    motion = [point[name] for name in ("displacement", "velocity", "acceleration")]
+    np.testing.assert_allclose(motion, [a, b, 2.0 * c], rtol=1e-6, atol=1e-6)
     left = np.sum((np.polyval([c, b, a], time[inside] - centre) - values[inside]) ** 2)
-    assert point[4] == pytest.approx(left / (inside.sum() - 3), rel=1e-6)
+    assert point["displacement_left"] == pytest.approx(left / (inside.sum() - 3), rel=1e-6)
     force_left = np.polyfit(time[inside] - centre, force[inside], 2)
-    assert point[3] == pytest.approx(force_left[2], rel=1e-9)
+    assert point["force"] == pytest.approx(force_left[2], rel=1e-9)
 
 
 @pytest.mark.parametrize("rate", [200.0, 250.0, 500.0, 1000.0])
@@ -83,7 +84,8 @@ def test_the_points_do_not_depend_on_the_origin_of_time(records_of, rate):
         made = fill_grid(bank, displacement, force, rate, origin)
         points.append(np.array(bank.delay.grid[:made]))
     for other in points[1:]:
-        np.testing.assert_allclose(other[:, [0, 3]], points[0][:, [0, 3]], atol=1e-6)
+        for name in ("displacement", "force"):
+            np.testing.assert_allclose(other[name], points[0][name], atol=1e-6)
 
 
 def test_a_kink_leaves_a_parabola_far_more_than_the_noise_and_is_not_remembered(parts):
@@ -108,18 +110,12 @@ def newest_point(bank, displacement, velocity, force):
     finder = bank.delay
     finder.grid_step, finder.delay, finder.grid_count = 0.01, 0.0, finder.grid_count + 1
     slot = (finder.grid_count - 1) % finder.grid.shape[0]
-    finder.grid[slot] = (
-        displacement,
-        velocity,
-        0.0,
-        force,
-        0.0,
-        0.0,
-        0.0,
-        QUADRATIC,
-        displacement,
-        force,
-    )
+    point = finder.grid[slot]
+    point["displacement"] = point["displacement_by_parabola"] = displacement
+    point["force"] = point["force_by_parabola"] = force
+    point["velocity"], point["degree"] = velocity, QUADRATIC
+    for name in ("acceleration", "cubic", "displacement_left", "force_left"):
+        point[name] = 0.0
     return history.learn(bank.history, finder, np.array([1e-6, 1e-4]))
 
 
@@ -129,7 +125,8 @@ def test_what_is_no_contact_is_not_remembered(parts):
     assert not newest_point(bank, -1.0, 0.0, 0.0)
     assert not newest_point(bank, 2.0, -5.0, 0.02)  # separated: the force is noise
     assert newest_point(bank, 2.0, 1.0, 3.0)
-    np.testing.assert_array_equal(bank.history.points[0, :3], [2.0, 1.0, 3.0])
+    point = bank.history.points[0]
+    assert (point["depth"], point["velocity"], point["force"]) == (2.0, 1.0, 3.0)
 
 
 def test_the_memory_is_thinned_out_once_and_then_keeps_the_latest(parts):
@@ -137,7 +134,7 @@ def test_the_memory_is_thinned_out_once_and_then_keeps_the_latest(parts):
     history.reset(bank.history)
     remembered = [k for k in range(3000) if newest_point(bank, 1.0 + k, 1.0, 5.0)]
     kept = bank.history
-    held = np.sort(kept.points[:, 0]) - 1.0
+    held = np.sort(kept.points[:]["depth"]) - 1.0
     assert kept.every == 2
     assert kept.count > POINTS
     np.testing.assert_array_equal(np.diff(held), 2.0)  # evenly spaced, nothing twice
@@ -152,9 +149,9 @@ def remember(bank, depth, velocity, force):
     kept = bank.history
     history.reset(kept)
     kept.count = depth.size
-    kept.points[: depth.size, 0] = depth
-    kept.points[: depth.size, 1] = velocity
-    kept.points[: depth.size, 2] = force
+    kept.points[: depth.size]["depth"] = depth
+    kept.points[: depth.size]["velocity"] = velocity
+    kept.points[: depth.size]["force"] = force
 
 
 def fit_to(options, kept, force_noise, velocity_noise, independent):
@@ -306,16 +303,16 @@ def test_a_parabola_hides_no_velocity(frequency, noise, parts):
         centre = finder.grid_next - finder.grid_step
         if history.learn(kept, finder, np.array([1e-4, 1e-4])):
             true.append(omega * np.cos(omega * centre))
-    found = np.array([kept.points[k] for k in range(kept.count)])
+    found = kept.points[: kept.count]
     variance = 3.0 * noise**2 / 0.015**2 / 30.0
     batch_fit._share_cubic(kept, variance, kept.count / 3.0)
     share = kept.cubic_share
-    off = found[:, 1] + share * found[:, 4] - true
+    off = found["velocity"] + share * found["cubic"] - true
     slope = np.sum(off * true) / np.sum(np.square(true))
     if frequency > 1.0:
         assert share > 0.9
         assert abs(slope) < 1e-3
-        assert np.sum((found[:, 1] - true) * true) / np.sum(np.square(true)) < -6e-3
+        assert np.sum((found["velocity"] - true) * true) / np.sum(np.square(true)) < -6e-3
     else:  # nothing to gain, noise to lose
         assert share < 0.5
 

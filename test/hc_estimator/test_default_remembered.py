@@ -124,7 +124,7 @@ def test_a_search_for_what_moves_begins_anew_when_the_points_get_new_numbers(run
     settings, bank = running
     bank.tool.retreated, bank.judge.needed_time, bank.change.testing = 1, 1.0, 0
     bank.history.count = POINTS
-    bank.history.points[:, 8] = 0.01 * np.arange(POINTS)
+    bank.history.points[:]["time"] = 0.01 * np.arange(POINTS)
     bank.moving.stage, bank.moving.last, bank.moving.looked_at = 3, POINTS - 2, 4.9
     history._thin_out(bank.history)
     assert bank.history.count == POINTS // 2

@@ -26,7 +26,7 @@ def window(displacement, force, rate):
 
 
 def points(finder):
-    """Times [s] and smoothed points of the window and its margin, shape (N,) and (N, 4)."""
+    """Times [s] and smoothed points (records) of the window and its margin, shape (N,) each."""
     index = np.arange(-finder.reach - 1, finder.points + finder.reach + 1) + finder.first
     newest = finder.grid_next - finder.grid_step
     time = newest + (index - (finder.grid_count - 1)) * finder.grid_step
@@ -44,11 +44,11 @@ def test_a_parabola_is_left_as_it_is(motion, load, rate):
     time = np.arange(round(1.4 * rate)) / rate
     finder = window(np.polyval(motion, time), np.polyval(load, time), rate)
     at, found = points(finder)
-    np.testing.assert_allclose(found[:, 0], np.polyval(motion, at), atol=1e-5)
-    np.testing.assert_allclose(found[:, 1], np.polyval(np.polyder(motion), at), atol=1e-3)
-    by_cubic = found[:, smoothing.BY_CUBIC]
+    np.testing.assert_allclose(found["displacement"], np.polyval(motion, at), atol=1e-5)
+    np.testing.assert_allclose(found["velocity"], np.polyval(np.polyder(motion), at), atol=1e-3)
+    by_cubic = found["velocity_by_cubic"]
     np.testing.assert_allclose(by_cubic, np.polyval(np.polyder(motion), at), atol=1e-2)
-    np.testing.assert_allclose(found[:, 3], np.polyval(load, at), atol=1e-5)
+    np.testing.assert_allclose(found["force"], np.polyval(load, at), atol=1e-5)
 
 
 def test_neighbours_fill_eighty_milliseconds_or_are_not_worth_it():
@@ -69,7 +69,7 @@ def test_both_channels_are_smoothed_alike():
     rng = np.random.default_rng(5)
     readings = 3.0 + 0.1 * rng.standard_normal(1400)
     _, found = points(window(readings, readings, 1000.0))
-    np.testing.assert_allclose(found[:, 0], found[:, 3], atol=1e-12)
+    np.testing.assert_allclose(found["displacement"], found["force"], atol=1e-12)
 
 
 @pytest.mark.parametrize("rate", [200.0, 1000.0])
@@ -79,7 +79,7 @@ def test_the_variance_of_a_velocity_is_the_one_that_is_said(rate):
     for _ in range(40):
         noise = 0.01 * rng.standard_normal(round(1.4 * rate))
         finder = window(noise, noise, rate)
-        squares.append(np.mean(points(finder)[1][:, 1] ** 2))
+        squares.append(np.mean(points(finder)[1]["velocity"] ** 2))
         readings = grid.readings_of(finder)
         said = smoothing.velocity_variance(finder, 0.01**2, readings)
         narrow = grid.velocity_variance(finder, 0.01**2)

@@ -40,11 +40,11 @@ def add_contact(history, begin, parameters):
     depth = 0.5 + 2.0 * np.sin(np.pi * np.arange(COUNT) / COUNT)
     velocity = np.gradient(depth, SPACING)
     rows = slice(history.count, history.count + COUNT)
-    history.points[rows, 0] = depth
-    history.points[rows, 1] = velocity
-    history.points[rows, 2] = law(depth, velocity, *parameters)
-    history.points[rows, 7] = WIDE
-    history.points[rows, 8] = time
+    history.points[rows]["depth"] = depth
+    history.points[rows]["velocity"] = velocity
+    history.points[rows]["force"] = law(depth, velocity, *parameters)
+    history.points[rows]["source"] = WIDE
+    history.points[rows]["time"] = time
     history.count += COUNT
 
 

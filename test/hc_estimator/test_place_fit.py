@@ -27,14 +27,16 @@ def contact(parts):
     place, history = bank.place, bank.history
     share = np.linspace(0.1, 0.9, COUNT)
     depth, velocity = 0.3 + 3.0 * share, 12.0 * (1.0 - share) + 0.5
-    history.points[:COUNT, 0], history.points[:COUNT, 1] = depth, velocity
+    history.points[:COUNT]["depth"], history.points[:COUNT]["velocity"] = depth, velocity
     history.velocity_noise[0] = VELOCITY_NOISE
     history.velocity_std[0] = np.sqrt(SHARE * VELOCITY_NOISE)
     place.first, place.last = 0, COUNT
     place.before[:4] = TISSUE
     place.before_covariance[:4, :4] = np.diag([0.1, 0.1, 0.05, 0.05]) ** 2
     force = law([*TISSUE, 0.0], depth, velocity)
-    history.points[:COUNT, 2] = force + 0.02 * np.random.default_rng(11).standard_normal(COUNT)
+    history.points[:COUNT]["force"] = force + 0.02 * np.random.default_rng(11).standard_normal(
+        COUNT
+    )
     return settings, place, history
 
 
@@ -47,7 +49,10 @@ def fitted(settings, place, history):
 
 def cost_by(place, history, values):
     """Squares of the points by their weights, and of the distance from the prior."""
-    depth, velocity, force, weight = history.points[:COUNT, :4].T
+    points = history.points[:COUNT]
+    depth, velocity, force, weight = (
+        points[name] for name in ("depth", "velocity", "force", "weight")
+    )
     off = np.array([*values, 0.0]) - place.guess
     squares = weight * (force - law(values, depth, velocity)) ** 2
     return np.sum(squares), off @ place.prior @ off
@@ -72,7 +77,7 @@ def test_the_evidence_counts_the_weights_of_the_fit_itself(contact):
     settings, place, history = contact
     squares = fitted(settings, place, history)
     evidence = place_fit.log_evidence(settings, place, history, squares, 1.0, SHARE)
-    weights = history.points[:COUNT, 3]
+    weights = history.points[:COUNT]["weight"]
     by_points, by_prior = cost_by(place, history, place.values[:5])
     expected = by_points - SHARE * np.sum(np.log(weights)) + by_prior
     expected += np.linalg.slogdet(place.information[:5, :5])[1]
@@ -83,16 +88,16 @@ def test_the_evidence_counts_the_weights_of_the_fit_itself(contact):
 def test_a_force_that_is_late_by_whole_points_belongs_to_the_motion_before(contact):
     settings, place, history = contact
     spacing, late = 0.01, 3
-    history.points[:COUNT, 7] = 1.0  # the motion is known
-    history.points[:COUNT, 8] = spacing * np.arange(COUNT)
+    history.points[:COUNT]["source"] = 1.0  # the motion is known
+    history.points[:COUNT]["time"] = spacing * np.arange(COUNT)
     in_step = history.points[:COUNT].copy()
     place.spacing = spacing
     place.last = COUNT - late
     squares = fitted(settings, place, history)
     values = place.values.copy()
-    history.points[late:COUNT, 2] = in_step[: COUNT - late, 2]
+    history.points[late:COUNT]["force"] = in_step[: COUNT - late]["force"]
     place.last = COUNT
     place.shift = late
     assert fitted(settings, place, history) == pytest.approx(squares, rel=1e-9)
     np.testing.assert_allclose(place.values, values, rtol=1e-9)
-    assert np.all(history.points[:late, 3] == 0.0)  # nobody knows where the tool was then
+    assert np.all(history.points[:late]["weight"] == 0.0)  # nobody knows where the tool was then

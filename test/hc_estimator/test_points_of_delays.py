@@ -27,7 +27,7 @@ def contact(delay):
 def points_of(bank):
     """Points of the fits that are remembered and have a velocity, and the share that has one."""
     points = np.array(bank.history.points[: int(bank.history.count)])
-    known = points[:, 7] != UNKNOWN
+    known = points["source"] != UNKNOWN
     return points[known], np.mean(known)
 
 
@@ -39,10 +39,10 @@ def test_each_has_the_velocity_of_its_displacement(delay, records_of):
     _, bank = records_of(estimator)
     points, share = points_of(bank)
     assert share > 0.9
-    np.testing.assert_allclose(points[:, 2], STIFFNESS * points[:, 0] ** EXPONENT, atol=0.003)
-    depth, velocity = motion(points[:, 8])
-    np.testing.assert_allclose(points[:, 0], depth, atol=0.003)
-    np.testing.assert_allclose(points[:, 5], velocity, atol=0.5)
+    np.testing.assert_allclose(points["force"], STIFFNESS * points["depth"] ** EXPONENT, atol=0.003)
+    depth, velocity = motion(points["time"])
+    np.testing.assert_allclose(points["depth"], depth, atol=0.003)
+    np.testing.assert_allclose(points["motion_velocity"], velocity, atol=0.5)
 
 
 def test_they_go_along_with_a_delay_that_is_corrected(records_of):
@@ -53,11 +53,11 @@ def test_they_go_along_with_a_delay_that_is_corrected(records_of):
     before, _ = points_of(bank)
     histories.realign(bank.history, 0.0018)
     after, _ = points_of(bank)
-    off = [np.abs(p[:, 2] - STIFFNESS * p[:, 0] ** EXPONENT).max() for p in (before, after)]
+    off = [np.abs(p["force"] - STIFFNESS * p["depth"] ** EXPONENT).max() for p in (before, after)]
     assert off[0] > 0.01
     assert off[1] < 0.003
-    slower = after[:, 5] - before[:, 5]
-    np.testing.assert_allclose(slower, -0.0018 * before[:, 6], atol=1e-12)
+    slower = after["motion_velocity"] - before["motion_velocity"]
+    np.testing.assert_allclose(slower, -0.0018 * before["motion_acceleration"], atol=1e-12)
 
 
 def test_their_times_go_along_with_a_delay_that_is_corrected(records_of):
@@ -71,4 +71,4 @@ def test_their_times_go_along_with_a_delay_that_is_corrected(records_of):
     _, bank = records_of(estimator)
     histories.realign(bank.history, 0.0022)
     points, _ = points_of(bank)
-    np.testing.assert_allclose(points[:, 0], motion(points[:, 8])[0], atol=0.003)
+    np.testing.assert_allclose(points["depth"], motion(points["time"])[0], atol=0.003)

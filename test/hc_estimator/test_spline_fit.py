@@ -14,7 +14,7 @@ from hc_estimator.multiple_model import (
     spline_prior,
     spline_start,
 )
-from hc_estimator.multiple_model.history import MEMORY, WIDE
+from hc_estimator.multiple_model.history import WIDE
 from hc_estimator.multiple_model.hypotheses import OWN, SURFACE_ROW
 from hc_estimator.multiple_model.spline_records import (
     BAND,
@@ -68,18 +68,20 @@ def filled(records_of):
             speed = 0.25 * np.pi * np.cos(2.0 * np.pi * time / 4.0)
         zero, position = (ZERO, POSITION) if with_zeros else (0.0, 0.0)
         position = 0.0 if kind & MOVES else position
-        history.points[:] = 0.0
-        history.points[:COUNT, 0] = depth + position + surface
-        history.points[:COUNT, 2] = law(depth, velocity, level, np.log(0.02), exponent, 1.0) + zero
+        history.points[:] = np.zeros((), history.points.dtype)
+        history.points[:COUNT]["depth"] = depth + position + surface
+        history.points[:COUNT]["force"] = (
+            law(depth, velocity, level, np.log(0.02), exponent, 1.0) + zero
+        )
         if kind & RELAXES:
             wandering = np.random.default_rng(2).standard_normal((COUNT, SHARES.size))
             memories = np.cumsum(wandering, axis=0) / 20.0 + 1.0
-            history.points[:COUNT, MEMORY:] = memories
-            history.points[:COUNT, 2] -= memories @ SHARES
-        history.points[:COUNT, 5] = velocity + speed
-        history.points[:COUNT, 6] = acceleration
-        history.points[:COUNT, 7] = WIDE
-        history.points[:COUNT, 8] = time
+            history.points[:COUNT]["memory"] = memories
+            history.points[:COUNT]["force"] -= memories @ SHARES
+        history.points[:COUNT]["motion_velocity"] = velocity + speed
+        history.points[:COUNT]["motion_acceleration"] = acceleration
+        history.points[:COUNT]["source"] = WIDE
+        history.points[:COUNT]["time"] = time
         history.count, history.first = COUNT, 0
         spline.free_all(settings, fit)
         if not with_zeros:
@@ -138,13 +140,13 @@ def test_it_begins_where_the_law_turned_round_has_the_surface(filled, parts):
     """Regression: from the parameters of a row that was far off no fit came to an end."""
     settings, history, fit, (level, surface, exponent) = filled(MOVES, with_zeros=False)
     points = history.points[:COUNT]
-    points[:, 2] = np.exp(level) * (points[:, 0] - surface) ** exponent  # no damping
+    points["force"] = np.exp(level) * (points["depth"] - surface) ** exponent  # no damping
     row = parts[1].rows[0]
     row.state[2:6] = 3.0, 0.0, 0.6, 1.5
     spline_start.begin(settings, history, fit, row)
     assert fit.values[SPLINE_FIRST] == pytest.approx(level[0], abs=0.1)
     for k in range(20, COUNT - 20, 20):
-        spline.locate(fit, points[k, 8])
+        spline.locate(fit, points[k]["time"])
         assert spline.second(fit, fit.values)[0] == pytest.approx(surface[k], abs=0.15)
 
 
@@ -157,7 +159,7 @@ def test_it_begins_with_the_line_of_a_surface_that_sinks(filled):
 
 def test_it_begins_with_the_row_where_no_difference_says_anything(filled, parts):
     settings, history, fit, _ = filled(MOVES, with_zeros=False)
-    history.points[:COUNT, 0] = 2.0  # at rest
+    history.points[:COUNT]["depth"] = 2.0  # at rest
     row = parts[1].rows[SURFACE_ROW]
     row.state[2], row.state[OWN] = 0.3, 0.7
     spline_start.begin(settings, history, fit, row)
@@ -206,7 +208,7 @@ def test_what_is_late_in_step_costs_what_its_posterior_says(filled):
     fit.held[spline.DELAY] = 0
     noise = (1e-7, 1e-5, 1.0)
     points = history.points[:COUNT]
-    points[:, 2] += 1e-3 * np.random.default_rng(3).standard_normal(COUNT)
+    points["force"] += 1e-3 * np.random.default_rng(3).standard_normal(COUNT)
     evidence = []
     for held in (0, 1):
         fit.held[spline.DELAY] = held
@@ -236,8 +238,8 @@ def test_a_delay_between_two_points_is_found(late, filled):
     """Regression: by a Taylor series over half of 20 ms a delay of 9.3 ms was 8.3."""
     settings, history, fit, _ = filled(MOVES, with_zeros=False)
     points = history.points[:COUNT]
-    force = CubicSpline(points[:, 8], points[:, 2])
-    history.points[:COUNT, 2] = force(points[:, 8] - late)
+    force = CubicSpline(points["time"], points["force"])
+    history.points[:COUNT]["force"] = force(points["time"] - late)
     fit.held[spline.DELAY] = 0
     assert spline.lay_out(history, fit, 1, COUNT - 1, MOVES)  # no spline goes beyond its ends
     fit.spacing = SPACING
@@ -317,7 +319,7 @@ def test_its_evidence_is_laplaces(kind, filled):
 def test_its_rates_wander_as_is_likeliest(kind, which, filled):
     """About the fit, in numpy, the evidence is largest at the wandering that it has learned."""
     settings, history, fit, _ = filled(kind, with_zeros=False)
-    history.points[:COUNT, 2] += 1e-3 * np.random.default_rng(3).standard_normal(COUNT)
+    history.points[:COUNT]["force"] += 1e-3 * np.random.default_rng(3).standard_normal(COUNT)
     spline_fit.solve_least_squares(settings, history, fit, NOISE)
     usual = (spline_prior.OWN_WALKS[spline_prior.TREND_ROW, 0], spline_prior.SURFACE_WALK)[which]
     learned = float(fit.wandering[which])
@@ -357,7 +359,7 @@ def test_its_rates_wander_as_is_likeliest(kind, which, filled):
 def test_another_solver_comes_to_the_same(filled):
     """Scipy's least squares on the same cost, with prior and roughness, in numpy."""
     settings, history, fit, _ = filled(VARIES)
-    history.points[:COUNT, 2] += 1e-3 * np.random.default_rng(3).standard_normal(COUNT)
+    history.points[:COUNT]["force"] += 1e-3 * np.random.default_rng(3).standard_normal(COUNT)
     spline_fit.solve_least_squares(settings, history, fit, NOISE)
     count = fit.unknowns
     free = [i for i in range(count) if i >= SPLINE_FIRST or fit.held[i] == 0]
@@ -380,15 +382,15 @@ def test_another_solver_comes_to_the_same(filled):
         values[free] = part
         level = values[SPLINE_FIRST:count]
         expected = law(
-            points[:, 0] - values[spline.POSITION],
-            points[:, 5],
-            BSpline(knots, level, 3)(points[:, 8]),
+            points["depth"] - values[spline.POSITION],
+            points["motion_velocity"],
+            BSpline(knots, level, 3)(points["time"]),
             *values[[spline.LOG_RATIO, spline.EXPONENT, spline.VELOCITY_EXPONENT]],
         )
-        left = points[:, 2] - values[spline.FORCE_ZERO] - expected
+        left = points["force"] - values[spline.FORCE_ZERO] - expected
         return np.concatenate(
             [
-                np.sqrt(points[:, 3]) * left,
+                np.sqrt(points["weight"]) * left,
                 (values[:3] - first_guess) / deviations,
                 np.diff(level, 2) / np.sqrt(roughness),
                 (level - fit.level) / spline_prior.LEVEL_DEVIATION,

@@ -154,10 +154,14 @@ def _conclude(bank: Any, time: float) -> None:
         level, deviation = air.sum / air.seen, math.sqrt(scatter / air.seen)
         moves = abs(level) > max(SIGNIFICANT * deviation, SMALLEST_ZERO * math.sqrt(noise[1]))
         finer = not moves and deviation < FINER * bank.onset.force_deviation
-        if finer:
-            _move(bank, level, deviation, math.nan)
-        elif moves:
-            _move(bank, level, deviation, time)
+        if moves or finer:
+            seen_before = bank.onset.in_air != 0
+            _move(bank, level, deviation)
+            if finer or not seen_before:
+                histories.move(bank.history, 0.0, level, 0.0, 0.0)
+            # A step is more likely to have come while nobody touched anything.
+            elif abs(level) <= SURE * math.sqrt(noise[1]):
+                histories.move(bank.history, 0.0, level, air.known_at, time)
         if moves or finer or air.seen_time > FORGETTING:
             air.known_at = time
             _forget(air)
@@ -165,25 +169,11 @@ def _conclude(bank: Any, time: float) -> None:
 
 
 @compiled
-def _move(bank: Any, level: float, deviation: float, time: float) -> None:
-    """Let the zero be what the force reads; what was felt while it moved has a share of that.
-
-    Args:
-        bank: changed.
-        level: of the force [N].
-        deviation: of it [N].
-        time: until which it moved [s]; NaN: it is the same, and known better.
-    """
+def _move(bank: Any, level: float, deviation: float) -> None:
+    """Let the zero be what the force reads [N], known to a deviation, from now on."""
     onset = bank.onset
-    was_known = onset.in_air != 0
     onset.in_air = max(onset.in_air, CAME_DOWN)
     onset.force_deviation = deviation
     onset.shift[0] = 0.0
     onset.shift[1] = level
     zero_moves.move_readings(bank)
-    if not was_known or math.isnan(time):
-        histories.move(bank.history, 0.0, level, 0.0, 0.0)
-        return
-    # A step is more likely to have come while nobody touched anything.
-    if abs(level) <= SURE * math.sqrt(bank.sensor_noise[1]):
-        histories.move(bank.history, 0.0, level, bank.air.known_at, time)

@@ -122,7 +122,7 @@ def look(settings: Any, bank: Any) -> bool:
     if here < max(finder.grid_count - GRID, 0):
         return False
     least = TOUCHING * math.sqrt(bank.sensor_noise[1])
-    if finder.grid[here % GRID, 3] < least:
+    if finder.grid[here % GRID].force < least:
         if _has_let_go(settings, bank, here - shift, least):
             return False
         before = place.away
@@ -178,7 +178,7 @@ def _has_let_go(settings: Any, bank: Any, there: int, least: float) -> bool:
     finder, row = bank.delay, bank.rows[bank.judge.chosen]
     if not max(finder.grid_count - GRID, 0) <= there < finder.grid_count:
         return False
-    depth, velocity = finder.grid[there % GRID, 0], finder.grid[there % GRID, 1]
+    depth, velocity = finder.grid[there % GRID].displacement, finder.grid[there % GRID].velocity
     if SURFACE[row.index]:
         depth -= row.state[OWN]
     return bool(depth > 0.0 > velocity and force_at(settings, row, depth, velocity) < least)

@@ -35,6 +35,7 @@ from hc_estimator.multiple_model.fit_covariance import (
 )
 from hc_estimator.multiple_model.hypotheses import FITTED, LOG_STIFFNESS
 from hc_estimator.multiple_model.levenberg_marquardt import improve
+from hc_estimator.multiple_model.local_polynomial import CUBIC_SLOPE_NOISE, SEXTIC_SLOPE_NOISE
 from hc_estimator.multiple_model.model_error import SMALLEST_SHARE
 from hc_estimator.multiple_model.normal_equations import (
     add_prior,
@@ -48,8 +49,6 @@ from hc_estimator.multiple_model.rows import cut, guess_of, is_held, seed
 PASSES = 5  # of Levenberg-Marquardt with other weights, at most
 SETTLED = 1.1  # misfit that gave the weights over what is left, up to which they hold
 LARGEST_SHARE_OF_NOISE = 0.3  # in what the points say of B / K and p
-CUBIC_NOISE = 5.25  # variance of what a cubic adds to a slope over that of the slope
-SEXTIC_NOISE = 12.0  # variance of the slope of degree six over that of a parabola
 CUBIC_EVIDENCE = 4.0  # squared deviations at which half of that is used
 FEWEST = 20  # remembered points that make a fit
 SHARE = 1.0 / 16.0  # of the time in contact so far after which the fit is made anew
@@ -147,11 +146,11 @@ def _share_cubic(history: Any, variance: float, independent: float) -> None:
     squares, along, speeds, first = 0.0, 0.0, 0.0, histories.oldest(history)
     for k in range(first, history.count):
         point = history.points[k % POINTS]
-        squares += point[4] * point[4]
-        along += point[1] * point[4]
-        speeds += point[1] * point[1]
+        squares += point.cubic * point.cubic
+        along += point.velocity * point.cubic
+        speeds += point.velocity * point.velocity
     count = history.count - first
-    noise = CUBIC_NOISE * variance
+    noise = CUBIC_SLOPE_NOISE * variance
     # Both are squares of what is normal, with a deviation of one, if there is only noise.
     slope = along * along * independent / max(noise * speeds * count, 1e-300)
     excess = max(squares / max(count * noise, 1e-300) - 1.0, 0.0) ** 2 * 0.5 * independent
@@ -171,20 +170,20 @@ def _take_velocity_noise(bank: Any, independent: float) -> None:
     spacing, width = finder.grid_step * history.every, finder.grid_width
     variance = grids.velocity_variance(finder, noise)
     _share_cubic(history, variance, independent)
-    noisier = 1.0 + CUBIC_NOISE * history.cubic_share**2
-    history.velocity_std[0] = math.sqrt(noisier * variance)
-    history.velocity_noise[0] = noisier * variance * width / spacing
-    history.velocity_std[3] = math.sqrt(SEXTIC_NOISE * variance)
-    history.velocity_noise[3] = SEXTIC_NOISE * variance * width / spacing
-    variance *= 1.0 + CUBIC_NOISE
-    history.velocity_std[2] = math.sqrt(variance)
-    history.velocity_noise[2] = variance * width / spacing
+    noisier = 1.0 + CUBIC_SLOPE_NOISE * history.cubic_share**2
+    history.velocity_std[histories.OF_FIT] = math.sqrt(noisier * variance)
+    history.velocity_noise[histories.OF_FIT] = noisier * variance * width / spacing
+    history.velocity_std[histories.OF_SEXTIC] = math.sqrt(SEXTIC_SLOPE_NOISE * variance)
+    history.velocity_noise[histories.OF_SEXTIC] = SEXTIC_SLOPE_NOISE * variance * width / spacing
+    variance *= 1.0 + CUBIC_SLOPE_NOISE
+    history.velocity_std[histories.NARROW] = math.sqrt(variance)
+    history.velocity_noise[histories.NARROW] = variance * width / spacing
     if finder.neighbours >= smoothing.FEWEST_NEIGHBOURS:
         value = noise * smoothing.VALUE_VARIANCE / grids.readings_of(finder)
         variance = smoothing.wide_variance(finder, value)
-    history.velocity_std[1] = math.sqrt(variance)
+    history.velocity_std[histories.WIDE] = math.sqrt(variance)
     # Slopes that overlap are off by differences of the same readings, which cancel over many.
-    history.velocity_noise[1] = variance / history.every
+    history.velocity_noise[histories.WIDE] = variance / history.every
 
 
 @compiled
@@ -343,7 +342,7 @@ def _is_at_rest(history: Any) -> bool:
     total, first = 0.0, histories.oldest(history)
     for k in range(first, history.count):
         total += velocity_at(history, history.points[k % POINTS]) ** 2
-    noise = (history.count - first) * history.velocity_std[0] ** 2
+    noise = (history.count - first) * history.velocity_std[histories.OF_FIT] ** 2
     return noise > LARGEST_SHARE_OF_NOISE * total  # type: ignore[no-any-return]
 
 
@@ -352,5 +351,5 @@ def _mean_square_force(history: Any) -> float:
     """Weighted mean squared force of all samples."""
     total = 0.0
     for k in range(histories.oldest(history), history.count):
-        total += history.points[k % POINTS, 3] * history.points[k % POINTS, 2] ** 2
+        total += history.points[k % POINTS].weight * history.points[k % POINTS].force ** 2
     return float(total / max(history.count - histories.oldest(history), 1))

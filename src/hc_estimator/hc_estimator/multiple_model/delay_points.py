@@ -21,6 +21,8 @@ QUICK = 2.0  # squares between what is smoothed more and less, over those of the
 SURELY = 4.0  # variances of a force, beyond which a square is of more than the noise
 LEAST_BACK = 0.2  # of the way deeper that must have been gone back, or the other way round
 APART = 0.05  # time between two points that are kept [s]
+# What smoothing may flatten: the velocity against a cubic, and each against the grid.
+CUBIC, DISPLACEMENT, VELOCITY, FORCE = 0, 1, 2, 3
 
 
 @compiled
@@ -28,7 +30,7 @@ def find_contact(finder: Any) -> int:
     """Mark the points that are in contact for every candidate delay; their number."""
     largest = 0.0
     for k in range(finder.points):
-        largest = max(largest, finder.grid[(finder.first + k) % GRID, 3])
+        largest = max(largest, finder.grid[(finder.first + k) % GRID].force)
     count = 0
     # The candidate beyond 60 ms only bounds what is between.
     margin = min(finder.reach, CANDIDATES // 2 - 1) + finder.neighbours
@@ -36,10 +38,10 @@ def find_contact(finder: Any) -> int:
         here = finder.first + k
         inside = True
         for j in range(-finder.neighbours, finder.neighbours + 1):
-            if not finder.grid[(here + j) % GRID, 3] > LEAST_FORCE * largest:
+            if not finder.grid[(here + j) % GRID].force > LEAST_FORCE * largest:
                 inside = False
         for j in range(-margin, margin + 1):
-            if finder.grid[(here - j) % GRID, 0] < LEAST_DEPTH:
+            if finder.grid[(here - j) % GRID].displacement < LEAST_DEPTH:
                 inside = False
         finder.in_contact[k] = 1 if inside else 0
         count += finder.in_contact[k]
@@ -88,19 +90,10 @@ def take(finder: Any) -> None:
     contact = finder.windows % every
     quick, noise = 0, velocities[0] + velocities[1]
     if finder.neighbours >= smoothing.FEWEST_NEIGHBOURS:
-        quick = 1 if _differ(finder, smooths, 1, smooths, smoothing.BY_CUBIC, noise) else 0
-    force = smoothing.FORCE_BY_PARABOLA
-    column = smoothing.BY_CUBIC if quick != 0 else 1
-    bends = _differ(
-        finder,
-        smooths,
-        0,
-        grid,
-        smoothing.BY_PARABOLA,
-        finder.depth_noise[0] + finder.depth_noise[1],
-    )
-    bends = bends or _differ(finder, smooths, column, grid, 1, velocities[quick] + velocities[2])
-    sharp = not bends and _differ(finder, smooths, 3, grid, force, forces[0] + forces[1])
+        quick = 1 if _is_flattened(finder, CUBIC, quick, noise) else 0
+    bends = _is_flattened(finder, DISPLACEMENT, quick, finder.depth_noise.sum())
+    bends = bends or _is_flattened(finder, VELOCITY, quick, velocities[quick] + velocities[2])
+    sharp = not bends and _is_flattened(finder, FORCE, quick, forces[0] + forces[1])
     for k in range(finder.points):
         if finder.in_contact[k] == 0:
             continue
@@ -111,15 +104,17 @@ def take(finder: Any) -> None:
         slot = finder.kept % DELAY_POINTS
         for j in range(centre - finder.reach, centre + finder.reach + 1):
             smooth, point = smooths[(here - j + centre) % GRID], finder.point[slot, j]
-            velocity = smooth[column]
+            velocity = _velocity(smooth, quick)
             speed = max(abs(velocity), SLOWEST)
-            point[0] = smooth[0]
+            point[0] = smooth.displacement
             point[1] = math.log(speed)
             point[2] = math.copysign(speed, velocity)
         for i in range(4):
             near = (here + i - 1) % GRID
-            finder.point_forces[slot, i] = grid[near, force] if sharp else smooths[near, 3]
-        flattened = (smooths[here % GRID, 3] - grid[here % GRID, force]) ** 2
+            finder.point_forces[slot, i] = (
+                grid[near].force_by_parabola if sharp else smooths[near].force
+            )
+        flattened = (smooths[here % GRID].force - grid[here % GRID].force_by_parabola) ** 2
         flattened = max(flattened - SURELY * forces[1], 0.0)
         finder.point_force[slot, 2] = velocities[quick]
         finder.point_force[slot, 3] = forces[1] if sharp else forces[0] + flattened
@@ -129,22 +124,35 @@ def take(finder: Any) -> None:
 
 
 @compiled
-def _differ(finder: Any, some: Any, i: int, others: Any, j: int, noise: float) -> bool:
+def _velocity(smooth: Any, quick: int) -> float:
+    """Velocity of a smoothed point [mm/s]; by a cubic where the motion is quick."""
+    return smooth.velocity_by_cubic if quick != 0 else smooth.velocity  # type: ignore[no-any-return]
+
+
+@compiled
+def _is_flattened(finder: Any, what: int, quick: int, noise: float) -> bool:
     """True if smoothing has flattened what a window holds by more than the noise.
 
     Args:
         finder: with the points that are in contact.
-        some: smoothed more, ring slots as in `grid`.
-        i: its column.
-        others: smoothed less.
-        j: its column.
-        noise: variances of both.
+        what: one of CUBIC, DISPLACEMENT, VELOCITY, FORCE.
+        quick: 1 where velocities are those by a cubic.
+        noise: variance of what is smoothed, and of what is smoothed less.
     """
     total, count = 0.0, 0
     for k in range(finder.points):
         if finder.in_contact[k] != 0:
             slot = (finder.first + k) % GRID
-            total += (some[slot, i] - others[slot, j]) ** 2
+            more, less = finder.smooth[slot], finder.grid[slot]
+            if what == CUBIC:
+                change = more.velocity - more.velocity_by_cubic
+            elif what == DISPLACEMENT:
+                change = more.displacement - less.displacement_by_parabola
+            elif what == VELOCITY:
+                change = _velocity(more, quick) - less.velocity
+            else:
+                change = more.force - less.force_by_parabola
+            total += change**2
             count += 1
     return bool(total > QUICK * noise * count)
 

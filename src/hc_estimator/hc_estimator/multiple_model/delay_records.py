@@ -17,6 +17,32 @@ WINDOWS = 24  # half seconds of innovations that are remembered
 DELAY_POINTS = 240  # that are kept to fit the delay
 TEMPERED = 128  # half seconds that they may be of
 
+# Local polynomials through the readings about one time (`grid`).
+GRID_POINT = record_type(
+    (
+        Field("displacement", np.float64),  # [mm]
+        Field("velocity", np.float64),  # by a parabola [mm/s]
+        Field("acceleration", np.float64),  # [mm/s^2]
+        Field("force", np.float64),  # [N]
+        Field("displacement_left", np.float64, (), 0.0),  # mean square that is left [mm^2]
+        Field("force_left", np.float64, (), 0.0),  # [N^2]
+        Field("cubic", np.float64),  # what a cubic adds to the velocity [mm/s]
+        Field("degree", np.int64, (), 0, TERMS - 1),  # see `local_polynomial`
+        Field("displacement_by_parabola", np.float64),  # [mm]
+        Field("force_by_parabola", np.float64),  # [N]
+    )
+)
+
+# The same by its neighbours (`smoothing`).
+SMOOTHED = record_type(
+    (
+        Field("displacement", np.float64),  # [mm]
+        Field("velocity", np.float64),  # by a parabola [mm/s]
+        Field("velocity_by_cubic", np.float64),  # [mm/s]
+        Field("force", np.float64),  # [N]
+    )
+)
+
 # By how much is the force late?
 DELAY = record_type(
     (
@@ -26,9 +52,7 @@ DELAY = record_type(
         Field("raw_time", np.float64, (2, RAW)),  # rings, displacement and force [s]
         Field("raw_value", np.float64, (2, RAW)),  # [mm], [N]
         Field("raw_count", np.int64, (2,), 0),
-        # Ring: displacement, velocity, acceleration, force; mean squares left by the polynomials;
-        # what a cubic adds to the velocity; their degree; displacement and force by parabolas.
-        Field("grid", np.float64, (GRID, 10)),
+        Field("grid", GRID_POINT, (GRID,)),  # a ring
         Field("grid_count", np.int64, (), 0),
         Field("grid_step", np.float64),  # [s]
         Field("grid_width", np.float64),  # of the parabolas [s]
@@ -40,8 +64,7 @@ DELAY = record_type(
         Field("windows", np.int64, (), 0),  # so far
         Field("fit", np.float64, (3,)),  # K, B, n that go with the delay
         # Within one window:
-        # Its points smoothed, slots as in `grid`, but for `smoothing.BY_CUBIC`.
-        Field("smooth", np.float64, (GRID, 4)),
+        Field("smooth", SMOOTHED, (GRID,)),  # its points, slots as in `grid`
         Field("wide", np.float64, (2,)),  # velocity and acceleration of one point by a wide cubic
         Field("in_contact", np.int64, (GRID,), 0, 1),
         Field("fitted_to", np.float64, (2, 6)),  # displacement and force; see `local_polynomial`

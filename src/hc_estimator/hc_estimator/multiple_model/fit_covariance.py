@@ -70,7 +70,7 @@ def widen(settings: Any, history: Any, weight: float) -> bool:
     stiffness, damping = exp_limited(fit[0]), exp_limited(fit[1])
     for k in range(histories.oldest(history), history.count):
         point = history.points[k % POINTS]
-        depth, velocity = point[0], velocity_at(history, point)
+        depth, velocity = point.depth, velocity_at(history, point)
         centre = law_at(settings, stiffness, damping, fit[2], fit[3], depth, velocity, gradient)
         for j in range(4):
             if is_held(settings, j):
@@ -84,7 +84,7 @@ def widen(settings: Any, history: Any, weight: float) -> bool:
                 )
             for i in range(4):
                 if not is_held(settings, i):
-                    moved[i, j] += weight * point[3] * gradient[2 + i] * second
+                    moved[i, j] += weight * point.weight * gradient[2 + i] * second
     copy_matrix(history.covariance, history.damped)
     for j in range(4):
         for i in range(4):

@@ -34,6 +34,17 @@ def restart(finder: Any) -> None:
 
 
 @compiled
+def move(finder: Any, displacement: float, force: float) -> None:
+    """The zeros have moved by so much [mm], [N]; what was read is the same."""
+    for k in range(GRID):
+        point = finder.grid[k]
+        point.displacement -= displacement
+        point.displacement_by_parabola -= displacement
+        point.force -= force
+        point.force_by_parabola -= force
+
+
+@compiled
 def take(finder: Any, channel: int, time: float, reading: float) -> None:
     """Take a raw reading."""
     count = finder.raw_count[channel]
@@ -142,8 +153,8 @@ def places_about(finder: Any, time: float, within: float) -> tuple[float, float]
         return lowest, highest
     for k in range(oldest, count):
         if abs(time_of(finder, k) - time) <= within + finder.grid_step:
-            lowest = min(lowest, finder.grid[k % GRID, 0])
-            highest = max(highest, finder.grid[k % GRID, 0])
+            lowest = min(lowest, finder.grid[k % GRID].displacement)
+            highest = max(highest, finder.grid[k % GRID].displacement)
     return lowest, highest
 
 
@@ -163,15 +174,11 @@ def _add_point(finder: Any, centre: float, half: float, wider: float, noise: Any
         return degree
     point = finder.grid[finder.grid_count % GRID]
     place, force = finder.fitted_to[0], finder.fitted_to[1]
-    for i in range(3):
-        point[i] = place[i]
-    point[3] = force[0]
-    point[4] = place[3]
-    point[5] = force[3]
-    point[6] = place[4]
-    point[7] = degree
-    point[8] = place[5]
-    point[9] = force[5]
+    point.displacement, point.displacement_by_parabola = place[0], place[5]
+    point.velocity, point.acceleration, point.cubic = place[1], place[2], place[4]
+    point.force, point.force_by_parabola = force[0], force[5]
+    point.displacement_left, point.force_left = place[3], force[3]
+    point.degree = degree
     finder.grid_count += 1
     finder.grid_next += finder.grid_step
     return degree

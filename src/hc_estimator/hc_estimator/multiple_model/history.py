@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import clear_vector, copy_vector
+from hc_estimator.linear_algebra import clear_vector
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model import smoothing
 from hc_estimator.multiple_model.delay_records import GRID
@@ -27,11 +27,12 @@ LONGEST = 0.02  # time between two remembered points [s]
 LEAST_DEPTH = 0.02  # [mm]
 SURELY = 3.0  # deviations of the velocity from which on the tool goes deeper
 # Of a point: what its velocity for `zero_fit` is from. Unknown where the tissue may let go.
-UNKNOWN, WIDE, NARROW, OF_SEXTIC = 0.0, 1.0, 2.0, 3.0
+UNKNOWN, WIDE, NARROW, OF_SEXTIC = 0, 1, 2, 3
+OF_FIT = 0  # in the noise of velocities: that of a parabola and a share of a cubic (`batch_fit`)
 FEWEST_KNOWN = 60  # points whose velocity is known, for a fit with splines or zeros
-MEMORY = 10  # the first of a point's memories of the force
-# Time constants of those [s]. A tissue that relaxes in a sum of exponentials pushes with a law of
-# the depth less a sum of such means of its past force; half a decade apart they are dense enough.
+# Time constants of the memories of the force [s]. A tissue that relaxes in a sum of exponentials
+# pushes with a law of the depth less a sum of such means of its past force; half a decade apart
+# they are dense enough.
 MEMORY_TIMES = np.array([0.05, 0.15, 0.5, 1.5, 5.0])
 
 
@@ -58,10 +59,11 @@ def move(history: Any, displacement: float, force: float, begun: float, now: flo
     """
     for k in range(max(history.count - POINTS, 0), history.count):
         point = history.points[k % POINTS]
-        share = min(max((point[8] - begun) / (now - begun), 0.0), 1.0) if now > begun else 1.0
-        point[0] -= displacement
-        point[2] -= share * force
-        point[MEMORY:] -= share * force
+        share = min(max((point.time - begun) / (now - begun), 0.0), 1.0) if now > begun else 1.0
+        point.depth -= displacement
+        point.force -= share * force
+        for i in range(MEMORIES):
+            point.memory[i] -= share * force
     history.memory -= force
     history.last_force -= force
 
@@ -74,10 +76,10 @@ def realign(history: Any, change: float) -> None:
     """
     for k in range(max(history.count - POINTS, 0), history.count):
         point = history.points[k % POINTS]
-        point[0] -= change * (point[5] - 0.5 * change * point[6])
-        point[1] -= change * point[6]
-        point[5] -= change * point[6]
-        point[8] -= change
+        point.depth -= change * (point.motion_velocity - 0.5 * change * point.motion_acceleration)
+        point.velocity -= change * point.motion_acceleration
+        point.motion_velocity -= change * point.motion_acceleration
+        point.time -= change
     history.realigned += change
 
 
@@ -100,12 +102,15 @@ def learn(history: Any, finder: Any, noise: Any) -> bool:
     if min(here, there) < max(finder.grid_count - GRID, 0):
         return False
     place = finder.grid[there % GRID]
-    depth = place[0] + rest * (place[1] + 0.5 * rest * place[2])
-    force = finder.grid[here % GRID, 3]
+    depth = place.displacement + rest * (place.velocity + 0.5 * rest * place.acceleration)
+    force = finder.grid[here % GRID].force
     if depth < LEAST_DEPTH or force * force < TOUCHING**2 * noise[1]:
         return False
     # Where the tissue lets go or the tool turns, no parabola fits.
-    if place[4] > SMOOTH * noise[0] or finder.grid[here % GRID, 5] > SMOOTH * noise[1]:
+    if (
+        place.displacement_left > SMOOTH * noise[0]
+        or finder.grid[here % GRID].force_left > SMOOTH * noise[1]
+    ):
         return False
     history.waited += 1
     history.unfitted += 1
@@ -113,20 +118,20 @@ def learn(history: Any, finder: Any, noise: Any) -> bool:
         return False
     history.waited = 0
     point = history.points[history.count % POINTS]
-    point[0] = depth
-    point[1] = place[1] + rest * place[2]
-    point[2] = force
-    point[4] = place[6]
+    point.depth = depth
+    point.velocity = place.velocity + rest * place.acceleration
+    point.force = force
+    point.cubic = place.cubic
     # Parabolas of readings that are far apart are wide enough for a cubic of their own.
-    point[5] = point[1] + place[6]
-    point[6] = place[2]
+    point.motion_velocity = point.velocity + place.cubic
+    point.motion_acceleration = place.acceleration
     alone = finder.neighbours < smoothing.FEWEST_NEIGHBOURS
-    point[7] = _by_itself(place[7]) if alone else UNKNOWN
+    point.source = _by_itself(place.degree) if alone else UNKNOWN
     # Not that of the grid's point: when the delay goes on to the next one, times would jump.
-    point[8] = grids.time_of(finder, there) + rest
-    point[9] = place[7]
+    point.time = grids.time_of(finder, there) + rest
+    point.degree = place.degree
     for i in range(MEMORIES):
-        point[MEMORY + i] = history.memory[i]
+        point.memory[i] = history.memory[i]
     history.count += 1
     if history.count == POINTS and history.every * finder.grid_step < 0.75 * LONGEST:
         _thin_out(history)
@@ -134,7 +139,7 @@ def learn(history: Any, finder: Any, noise: Any) -> bool:
 
 
 @compiled
-def _by_itself(degree: float) -> float:
+def _by_itself(degree: int) -> int:
     """What the velocity of a point is from without its neighbours."""
     return OF_SEXTIC if degree == SEXTIC else NARROW
 
@@ -147,7 +152,7 @@ def _remember_force(history: Any, finder: Any, here: int) -> None:
         clear_vector(history.memory)
     if here < max(finder.grid_count - GRID, 0):
         return
-    force = finder.grid[here % GRID, 3]
+    force = finder.grid[here % GRID].force
     for i in range(MEMORIES):
         share = 1.0 - math.exp(-finder.grid_step / MEMORY_TIMES[i])
         history.memory[i] += share * (0.5 * (history.last_force + force) - history.memory[i])
@@ -159,7 +164,7 @@ def _is_in_contact_around(finder: Any, here: int, noise: float) -> bool:
     """True if the force of a point and of its neighbours is more than noise."""
     for k in range(here - finder.neighbours, here + finder.neighbours + 1):
         known = max(finder.grid_count - GRID, 0) <= k < finder.grid_count
-        if known and finder.grid[k % GRID, 3] ** 2 < TOUCHING**2 * noise:
+        if known and finder.grid[k % GRID].force ** 2 < TOUCHING**2 * noise:
             return False
     return True
 
@@ -187,16 +192,16 @@ def _look_around(history: Any, finder: Any, shift: int, rest: float, noise: Any)
     time = grids.time_of(finder, there) + rest
     for k in range(history.count - 1, max(oldest(history), history.count - 2 - away) - 1, -1):
         point = history.points[k % POINTS]
-        if abs(point[8] - time) < 0.5 * finder.grid_step:
+        if abs(point.time - time) < 0.5 * finder.grid_step:
             variance = noise[0] * smoothing.VALUE_VARIANCE / grids.readings_of(finder)
-            deeper = point[1] > SURELY * history.velocity_std[0]
+            deeper = point.velocity > SURELY * history.velocity_std[OF_FIT]
             if not (deeper or _is_in_contact_around(finder, there + shift, noise[1])):
                 return
-            point[7] = _by_itself(point[9])
+            point.source = _by_itself(point.degree)
             if smoothing.take_wide(finder, there, variance):
-                point[5] = finder.wide[0] + rest * finder.wide[1]
-                point[6] = finder.wide[1]
-                point[7] = WIDE
+                point.motion_velocity = finder.wide[0] + rest * finder.wide[1]
+                point.motion_acceleration = finder.wide[1]
+                point.source = WIDE
             return
 
 
@@ -204,7 +209,7 @@ def _look_around(history: Any, finder: Any, shift: int, rest: float, noise: Any)
 def _thin_out(history: Any) -> None:
     """Forget every second point, and remember half as many from now on."""
     for k in range(POINTS // 2):
-        copy_vector(history.points[2 * k + 1], history.points[k])
+        history.points[k] = history.points[2 * k + 1]
     history.count = POINTS // 2
     history.first //= 2
     history.contact //= 2
@@ -244,7 +249,7 @@ def count_known(history: Any, first: int, last: int) -> int:
     """Number of the points from `first` on and before `last` that have a velocity."""
     count = 0
     for k in range(first, last):
-        count += 1 if history.points[k % POINTS, 7] != UNKNOWN else 0
+        count += 1 if history.points[k % POINTS].source != UNKNOWN else 0
     return count
 
 
@@ -254,7 +259,7 @@ def largest(history: Any, first: int) -> tuple[float, float]:
     deepest, largest = 0.0, 0.0
     for k in range(first, history.count):
         point = history.points[k % POINTS]
-        deepest, largest = max(deepest, point[0]), max(largest, point[2])
+        deepest, largest = max(deepest, point.depth), max(largest, point.force)
     return deepest, largest
 
 

@@ -89,7 +89,7 @@ def squares_left(settings: Any, points: Any, first: int, last: int, row: Any) ->
 
     Args:
         settings: settings record.
-        points: ring of depth [mm], velocity [mm/s] and force [N], the leading columns.
+        points: ring, of `history`.
         first: number of the first.
         last: number of the one after the last.
         row: whose parameters they are.
@@ -97,7 +97,7 @@ def squares_left(settings: Any, points: Any, first: int, last: int, row: Any) ->
     total = 0.0
     for i in range(first, last):
         point = points[i % points.shape[0]]
-        error = point[2] - force_at(settings, row, point[0], point[1])
+        error = point.force - force_at(settings, row, point.depth, point.velocity)
         total += error * error
     return total
 
@@ -107,7 +107,7 @@ def squared_forces(points: Any, first: int, last: int) -> float:
     """Sum of the squared forces [N^2] of such points."""
     total = 0.0
     for i in range(first, last):
-        force = points[i % points.shape[0], 2]
+        force = points[i % points.shape[0]].force
         total += force * force
     return total
 

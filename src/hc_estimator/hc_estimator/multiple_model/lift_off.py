@@ -85,7 +85,7 @@ def _begin_of_contact(history: Any) -> int:
     first = history.count - 1
     while first > histories.oldest(history):
         after, before = history.points[first % POINTS], history.points[(first - 1) % POINTS]
-        if after[8] - before[8] > PAUSE:
+        if after.time - before.time > PAUSE:
             break
         first -= 1
     return max(first, histories.oldest(history))  # type: ignore[no-any-return]

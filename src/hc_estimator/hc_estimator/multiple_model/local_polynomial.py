@@ -40,10 +40,13 @@ TO_BE_READ = -1
 # six with nine readings instead of seven.
 QUARTIC_NOISE = 25.0 / 16.0
 SEXTIC_NOISE = 1.86
+# The same of a slope: what a cubic adds, and degree six.
+CUBIC_SLOPE_NOISE = 5.25
+SEXTIC_SLOPE_NOISE = 12.0
 
 
 @compiled
-def value_noise(degree: float) -> float:
+def value_noise(degree: int) -> float:
     """Variance of a value over that of a parabola's."""
     if degree == QUADRATIC:
         return 1.0

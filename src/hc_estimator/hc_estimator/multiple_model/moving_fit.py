@@ -190,10 +190,10 @@ def _are_enough(bank: Any) -> bool:
     first = _oldest(history, history.count)
     if not histories.is_motion_known(history, first):
         return False
-    last = history.points[(history.count - 1) % POINTS, 8]
+    last = history.points[(history.count - 1) % POINTS].time
     if bank.clock.state_time - last > FRESH_TIME:
         return False  # a row knows better what the surface has done since
-    return bool(last - history.points[first % POINTS, 8] >= LEAST_TIME)
+    return bool(last - history.points[first % POINTS].time >= LEAST_TIME)
 
 
 @compiled

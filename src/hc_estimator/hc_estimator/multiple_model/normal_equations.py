@@ -107,7 +107,7 @@ def law_beside(
 @compiled
 def velocity_at(history: Any, point: Any) -> float:
     """Velocity at a point [mm/s]."""
-    return point[1] + history.cubic_share * point[4]  # type: ignore[no-any-return]
+    return point.velocity + history.cubic_share * point.cubic  # type: ignore[no-any-return]
 
 
 @compiled
@@ -124,15 +124,15 @@ def weigh(settings: Any, history: Any, force_noise: float) -> float:
     """
     fit, gradient = history.fit, history.gradient
     stiffness, damping = exp_limited(fit[0]), exp_limited(fit[1])
-    noise = history.velocity_noise[0]
+    noise = history.velocity_noise[histories.OF_FIT]
     total = 0.0
     for k in range(histories.oldest(history), history.count):
         point = history.points[k % POINTS]
         velocity = velocity_at(history, point)
-        law_at(settings, stiffness, damping, fit[2], fit[3], point[0], velocity, gradient)
+        law_at(settings, stiffness, damping, fit[2], fit[3], point.depth, velocity, gradient)
         variance = force_noise + gradient[1] * gradient[1] * noise
         total += variance
-        point[3] = 1.0 / variance
+        point.weight = 1.0 / variance
     return total
 
 
@@ -158,18 +158,18 @@ def gather(settings: Any, history: Any, values: Any) -> float:
     seen, pull, false = history.seen, history.pull, history.false
     gradient, above, below = history.gradient, history.above, history.below
     stiffness, damping = exp_limited(values[0]), exp_limited(values[1])
-    spread = history.velocity_std[0]
+    spread = history.velocity_std[histories.OF_FIT]
     clear_vector(pull)
     clear_matrix(seen)
     clear_matrix(false)
     total = 0.0
     for k in range(histories.oldest(history), history.count):
         point = history.points[k % POINTS]
-        depth, velocity, weight = point[0], velocity_at(history, point), point[3]
+        depth, velocity, weight = point.depth, velocity_at(history, point), point.weight
         force, change = law_beside(
             settings, stiffness, damping, values, depth, velocity, spread, history
         )
-        residual = point[2] - force
+        residual = point.force - force
         total += weight * residual * residual
         for i in range(4):
             share = weight * gradient[2 + i]

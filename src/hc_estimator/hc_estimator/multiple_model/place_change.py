@@ -73,7 +73,10 @@ def _contact_before(bank: Any) -> int:
     longest = OUT_TIME + history.every * bank.delay.grid_step
     first = history.contact
     while first > oldest:
-        here, before = history.points[first % POINTS, 8], history.points[(first - 1) % POINTS, 8]
+        here, before = (
+            history.points[first % POINTS].time,
+            history.points[(first - 1) % POINTS].time,
+        )
         if first < history.contact and here - before > longest:
             break
         first -= 1

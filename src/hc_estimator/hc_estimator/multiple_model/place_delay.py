@@ -80,7 +80,7 @@ def _goes_both_ways(place: Any, history: Any) -> bool:
     """True if the tool goes deeper and back: along one way a delay is just another height."""
     deeper, back = 0.0, 0.0
     for k in range(place.first, place.last):
-        velocity = history.points[k % POINTS, 1]
+        velocity = history.points[k % POINTS].velocity
         deeper += max(velocity, 0.0)
         back += max(-velocity, 0.0)
     return bool(min(deeper, back) > LEAST_BACK * max(deeper, back))

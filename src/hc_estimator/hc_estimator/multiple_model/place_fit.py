@@ -20,6 +20,7 @@ from hc_estimator.linear_algebra import (
     leading_cholesky,
 )
 from hc_estimator.multiple_model import point_error
+from hc_estimator.multiple_model.history import OF_FIT
 from hc_estimator.multiple_model.kalman import exp_limited
 from hc_estimator.multiple_model.levenberg_marquardt import (
     FIRST_DAMPING,
@@ -65,10 +66,10 @@ def _law(settings: Any, place: Any, values: Any, history: Any, point: Any) -> fl
     """Force of a point [N]; place.slopes are its derivatives by the unknowns."""
     slopes, gradient = place.slopes, place.gradient
     stiffness, damping = exp_limited(values[0]), exp_limited(values[1])
-    velocity, acceleration = velocity_at(history, point), point[6]
+    velocity, acceleration = velocity_at(history, point), point.motion_acceleration
     velocity -= values[DELAY] * acceleration
     depth = (
-        point[0]
+        point.depth
         - values[POSITION]
         - values[DELAY] * (velocity + 0.5 * values[DELAY] * acceleration)
     )
@@ -94,23 +95,23 @@ def weigh(
     for k in range(place.first, place.last):
         point, moved = history.points[k % POINTS], _moved_at(place, history, k)
         if moved < 0:
-            point[3] = 0.0
+            point.weight = 0.0
             continue
         motion = history.points[moved % POINTS]
         _law(settings, place, values, history, motion)
         variance = noise[1] + gradient[0] * gradient[0] * noise[0]
         drag = gradient[1] * gradient[1]
-        own = value_noise(point[9]) * noise[1]
-        own += value_noise(motion[9]) * gradient[0] * gradient[0] * noise[0]
-        own = noise[2] * own + drag * history.velocity_std[0] ** 2
-        variance += drag * history.velocity_noise[0]
+        own = value_noise(point.degree) * noise[1]
+        own += value_noise(motion.degree) * gradient[0] * gradient[0] * noise[0]
+        own = noise[2] * own + drag * history.velocity_std[OF_FIT] ** 2
+        variance += drag * history.velocity_noise[OF_FIT]
         law = (exp_limited(values[0]), exp_limited(values[1]), values[2], values[3])
-        velocity = velocity_at(history, motion) - values[DELAY] * motion[6]
-        depth = motion[0] - values[POSITION] - values[DELAY] * velocity
-        deviation = history.velocity_std[0]
+        velocity = velocity_at(history, motion) - values[DELAY] * motion.motion_acceleration
+        depth = motion.depth - values[POSITION] - values[DELAY] * velocity
+        deviation = history.velocity_std[OF_FIT]
         missed = point_error.of_rest(settings, law, depth, velocity, deviation, gradient)
         weight = 1.0 / (variance + missed)
-        point[3] = weight
+        point.weight = weight
         place.expected += weight * (own + missed)
 
 
@@ -126,10 +127,10 @@ def _gather(settings: Any, place: Any, history: Any, values: Any) -> float:
         if moved < 0:
             continue
         motion = history.points[moved % POINTS]
-        residual = point[2] - _law(settings, place, values, history, motion)
-        total += point[3] * residual * residual
+        residual = point.force - _law(settings, place, values, history, motion)
+        total += point.weight * residual * residual
         for i in range(UNKNOWNS):
-            share = point[3] * slopes[i]
+            share = point.weight * slopes[i]
             pull[i] += share * residual
             for j in range(i + 1):
                 seen[i, j] += share * slopes[j]
@@ -198,7 +199,7 @@ def _begin_of_force(place: Any, history: Any) -> float:
     """Where the force begins, next to where the points do [mm]."""
     lowest, highest = math.inf, -math.inf
     for k in range(place.first, place.last):
-        depth = history.points[k % POINTS, 0]
+        depth = history.points[k % POINTS].depth
         lowest, highest = min(lowest, depth), max(highest, depth)
     return lowest - BEFORE * (highest - lowest)
 
@@ -214,7 +215,7 @@ def begin(settings: Any, place: Any, history: Any) -> None:
     for k in range(place.first, place.last):
         point = history.points[k % POINTS]
         force = _law(settings, place, values, history, point)
-        by_law += force * point[2]
+        by_law += force * point.force
         squares += force * force
     if by_law > 0.0 and not is_held(settings, 1):
         factor = math.log(by_law / squares)
@@ -283,7 +284,7 @@ def log_evidence(
     """
     total = squares
     for k in range(place.first, place.last):
-        total -= share * math.log(history.points[k % POINTS, 3])
+        total -= share * math.log(history.points[k % POINTS].weight)
     total = weight * total + prior_cost(place, place.values)
     work = place.seen
     for i in range(UNKNOWNS):

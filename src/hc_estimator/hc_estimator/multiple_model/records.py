@@ -11,7 +11,7 @@ import numpy as np
 from hc_estimator.adaptation.difference_noise import NOISE
 from hc_estimator.adaptation.motion_density import INDICES, MOTION
 from hc_estimator.memory import Field, record_type
-from hc_estimator.multiple_model.delay_records import DELAY
+from hc_estimator.multiple_model.delay_records import DELAY, TERMS
 from hc_estimator.multiple_model.hypotheses import FRESH, ROWS, STATES
 from hc_estimator.multiple_model.place_records import PLACE
 from hc_estimator.multiple_model.spline_records import MEMORIES, MOVING, SPLINE_FIT
@@ -177,14 +177,28 @@ MANEUVER = record_type(
 
 POINTS = 512  # remembered samples
 
+# One of what was felt before (`history`).
+POINT = record_type(
+    (
+        Field("depth", np.float64),  # [mm]
+        Field("velocity", np.float64),  # by a parabola [mm/s]
+        Field("force", np.float64),  # [N]
+        Field("weight", np.float64),  # in the fit [1/N^2]
+        Field("cubic", np.float64),  # what a cubic adds to the velocity [mm/s]
+        # Velocity [mm/s] and acceleration [mm/s^2] for the fits that look for zeros.
+        Field("motion_velocity", np.float64),
+        Field("motion_acceleration", np.float64),
+        Field("source", np.int64, (), 0, 3),  # of these; see `history.WIDE`
+        Field("time", np.float64),  # of the displacement [s]
+        Field("degree", np.int64, (), 0, TERMS - 1),  # see `local_polynomial`
+        Field("memory", np.float64, (MEMORIES,)),  # what the memories of the force held then [N]
+    )
+)
+
 # What was felt before, and the least-squares fit to it.
 HISTORY = record_type(
     (
-        # Ring: depth [mm], velocity [mm/s], force [N], weight in the fit [1/N^2], what a cubic adds
-        # to the velocity [mm/s]; velocity and acceleration by a wide cubic [mm/s, mm/s^2], or by a
-        # narrow one (see `history.WIDE`), which it is, the time of the displacement [s], the
-        # degree (see `local_polynomial`), and what the memories of the force held then [N].
-        Field("points", np.float64, (POINTS, 10 + MEMORIES)),
+        Field("points", POINT, (POINTS,)),  # a ring
         Field("realigned", np.float64),  # by how much the delay was corrected beneath them [s]
         Field("memory", np.float64, (MEMORIES,)),  # the same now
         Field("last_force", np.float64),  # that went into them [N]
@@ -201,7 +215,7 @@ HISTORY = record_type(
         Field("fitted", np.int64, (), 0, 1),  # 1 once there is one
         Field("held", np.int64, (4,), 0, 1),  # 1: only noise would say more than the prior
         # Within one fit:
-        # Of a point's velocity, of that by a wide cubic and by a narrow one: deviation [mm/s], and
+        # Of velocities by what they are from (`history.OF_FIT` and after): deviation [mm/s], and
         # variance by the share of the point in the information [mm^2/s^2].
         Field("velocity_std", np.float64, (4,), 0.0),
         Field("velocity_noise", np.float64, (4,), 0.0),

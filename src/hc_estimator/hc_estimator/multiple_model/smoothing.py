@@ -25,8 +25,6 @@ HALF_WIDTH = 0.04  # of the neighbours [s]
 # [-1, 1], by Gauss-Legendre quadrature, exact for polynomials of degree 4.
 NODES = np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)])
 WEIGHTS = np.array([5.0 / 9.0, 8.0 / 9.0, 5.0 / 9.0])
-BY_PARABOLA, FORCE_BY_PARABOLA = 8, 9  # displacement and force, in `grid`
-BY_CUBIC = 2  # slot of a smoothed point's velocity by a cubic, in place of the acceleration
 FEWEST_NEIGHBOURS = 3  # to either side that are worth it, and make a wide cubic
 SMOOTH = 4.0  # mean square that it leaves over the noise up to which it fits
 VALUE_VARIANCE = 2.25  # of a parabola's value, times its readings, over that of a reading
@@ -60,28 +58,30 @@ def smooth(finder: Any) -> None:
         here = finder.first + k
         point, out = grid[here % GRID], finder.smooth[here % GRID]
         if m == 0:
-            out[1] = point[1]
-            out[0] = point[BY_PARABOLA]
-            out[3] = point[FORCE_BY_PARABOLA]
-            out[BY_CUBIC] = point[1]
+            out.velocity = point.velocity
+            out.displacement = point.displacement_by_parabola
+            out.force = point.force_by_parabola
+            out.velocity_by_cubic = point.velocity
             continue
         y0, y1, y2, y3, f0, f2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for j in range(-m, m + 1):
             near = grid[(here + j) % GRID]
-            value = near[BY_PARABOLA] - point[BY_PARABOLA]
-            force = near[FORCE_BY_PARABOLA] - point[FORCE_BY_PARABOLA]
+            value = near.displacement_by_parabola - point.displacement_by_parabola
+            force = near.force_by_parabola - point.force_by_parabola
             y0 += value
             y1 += j * value
             y2 += j * j * value
             y3 += j**3 * value
             f0 += force
             f2 += j * j * force
-        out[0] = point[BY_PARABOLA] + (fourths * y0 - squares * y2) / determinant
-        out[1] = y1 / (squares * step)
-        out[BY_CUBIC] = out[1]
+        more = (fourths * y0 - squares * y2) / determinant
+        out.displacement = point.displacement_by_parabola + more
+        out.velocity = y1 / (squares * step)
+        out.velocity_by_cubic = out.velocity
         if m >= FEWEST_NEIGHBOURS:
-            out[BY_CUBIC] = (sixths * y1 - fourths * y3) / (odd * step)
-        out[3] = point[FORCE_BY_PARABOLA] + (fourths * f0 - squares * f2) / determinant
+            out.velocity_by_cubic = (sixths * y1 - fourths * y3) / (odd * step)
+        more = (fourths * f0 - squares * f2) / determinant
+        out.force = point.force_by_parabola + more
 
 
 @compiled
@@ -99,10 +99,10 @@ def take_wide(finder: Any, here: int, noise: float) -> bool:
     m, step, grid = finder.neighbours, finder.grid_step, finder.grid
     s2, s4, s6 = _even_sums(m)
     count = 2 * m + 1
-    reference = grid[here % GRID, 0]
+    reference = grid[here % GRID].displacement
     y0, y1, y2, y3, squares = 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(-m, m + 1):
-        value = grid[(here + j) % GRID, 0] - reference
+        value = grid[(here + j) % GRID].displacement - reference
         y0 += value
         y1 += j * value
         y2 += j * j * value

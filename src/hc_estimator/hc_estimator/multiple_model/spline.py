@@ -16,7 +16,6 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model.history import MEMORY
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.spline_records import (
     BENDS,
@@ -53,8 +52,8 @@ def first_in_reach(history: Any, first: int, last: int) -> int:
 
     Over a longer time they would be too far apart for a surface that breathes.
     """
-    begun = history.points[(last - 1) % POINTS, 8] - LONGEST_TIME
-    while first < last - 1 and history.points[first % POINTS, 8] < begun:
+    begun = history.points[(last - 1) % POINTS].time - LONGEST_TIME
+    while first < last - 1 and history.points[first % POINTS].time < begun:
         first += 1
     return first
 
@@ -70,8 +69,8 @@ def lay_out(history: Any, fit: Any, first: int, last: int, kind: int) -> bool:
         last: number of the point after the last.
         kind: what does not stay.
     """
-    start = history.points[first % POINTS, 8]
-    fit.latest = history.points[(last - 1) % POINTS, 8]
+    start = history.points[first % POINTS].time
+    fit.latest = history.points[(last - 1) % POINTS].time
     fit.first = first
     fit.last = last
     fit.begin = start
@@ -222,7 +221,7 @@ def relaxed(fit: Any, values: Any, point: Any) -> float:
     if has(fit, RELAXES):
         first = SPLINE_FIRST + stiffness_count(fit)
         for i in range(MEMORIES):
-            total += values[first + i] * point[MEMORY + i]
+            total += values[first + i] * point.memory[i]
     return total
 
 
@@ -233,5 +232,5 @@ def share_released(history: Any, fit: Any) -> float:
     for k in range(fit.first, fit.last):
         point = history.points[k % POINTS]
         released += relaxed(fit, fit.values, point)
-        left += point[2]
+        left += point.force
     return released / left if left > 0.0 else 0.0

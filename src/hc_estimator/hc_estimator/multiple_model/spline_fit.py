@@ -16,7 +16,6 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector, copy_vector, is_definite, leading_cholesky
 from hc_estimator.multiple_model import point_error
-from hc_estimator.multiple_model.history import MEMORY
 from hc_estimator.multiple_model.kalman import exp_limited
 from hc_estimator.multiple_model.levenberg_marquardt import (
     FIRST_DAMPING,
@@ -117,8 +116,8 @@ def _missed(
 ) -> float:
     """Variance of a point's force that is no noise of the sensors [N^2]; fit.gradient is lost."""
     gradient, law = fit.gradient, _law_of(fit, fit.values)
-    depth, velocity = _motion_at(fit, fit.values, place[8], tool)
-    deviation = history.velocity_std[int(place[7])]
+    depth, velocity = _motion_at(fit, fit.values, place.time, tool)
+    deviation = history.velocity_std[place.source]
     rest = point_error.of_rest(settings, law, depth, velocity, deviation, gradient)
     half = history.half_width
     return rest + point_error.of_corner(settings, law, depth, velocity, half, gradient)
@@ -144,21 +143,21 @@ def weigh(settings: Any, history: Any, fit: Any, noise: tuple[float, float, floa
         if number < 0:
             continue
         point, place = history.points[k % POINTS], history.points[number % POINTS]
-        locate(fit, place[8])
+        locate(fit, place.time)
         tool = motion_before(history, fit, number, fit.values[DELAY])
-        _law_at(settings, fit, fit.values, place[8], tool)
+        _law_at(settings, fit, fit.values, place.time, tool)
         variance = noise[1] + gradient[0] * gradient[0] * noise[0]
-        drag, cubic = gradient[1] * gradient[1], int(place[7])
-        variance += drag * history.velocity_noise[cubic]
-        of_motion = gradient[0] * gradient[0] * value_noise(place[9]) * noise[2] * noise[0]
-        of_motion += drag * history.velocity_std[cubic] ** 2
+        drag, source = gradient[1] * gradient[1], place.source
+        variance += drag * history.velocity_noise[source]
+        of_motion = gradient[0] * gradient[0] * value_noise(place.degree) * noise[2] * noise[0]
+        of_motion += drag * history.velocity_std[source] ** 2
         taken = 1.0 - noise_left(history, fit, number, fit.values[DELAY])
         missed = _missed(settings, history, fit, place, tool)
-        point[3] = 1.0 / (variance + missed)
+        point.weight = 1.0 / (variance + missed)
         log_missed += noise[2] * math.log1p(missed / variance)
-        of_force = value_noise(point[9]) * noise[2] * noise[1]
-        expected += point[3] * (of_force + missed + of_motion * (1.0 - taken))
-        averaged += point[3] * of_motion * taken
+        of_force = value_noise(point.degree) * noise[2] * noise[1]
+        expected += point.weight * (of_force + missed + of_motion * (1.0 - taken))
+        averaged += point.weight * of_motion * taken
     fit.log_missed = log_missed
     fit.expected = expected + log_missed
     fit.averaged = averaged
@@ -179,13 +178,13 @@ def gather(settings: Any, history: Any, fit: Any, values: Any) -> float:
         if number < 0:
             continue
         point, place = history.points[k % POINTS], history.points[number % POINTS]
-        used = locate(fit, place[8])
+        used = locate(fit, place.time)
         residual = _tangent(settings, history, fit, values, point, number)
         count += 1
-        total += point[3] * residual * residual
+        total += point.weight * residual * residual
         for i in range(used):
             row = places[i]
-            share = point[3] * slopes[i]
+            share = point.weight * slopes[i]
             pull[row] += share * residual
             for j in range(i + 1):
                 seen[row, places[j]] += share * slopes[j]
@@ -207,17 +206,17 @@ def _residual(
         point: whose force it is.
         number: of the point whose place it is.
     """
-    time = history.points[number % POINTS, 8]
+    time = history.points[number % POINTS].time
     tool = motion_before(history, fit, number, values[DELAY])
     force = _law_at(settings, fit, values, time, tool) - relaxed(fit, values, point)
-    return point[2] - values[FORCE_ZERO] - force, tool[1], tool[2]
+    return point.force - values[FORCE_ZERO] - force, tool[1], tool[2]
 
 
 @compiled
 def _tangent(settings: Any, history: Any, fit: Any, values: Any, point: Any, number: int) -> float:
     """Force of a point less the law's, and the law's derivatives in fit.slopes; as `_residual`."""
     residual, velocity, acceleration = _residual(settings, history, fit, values, point, number)
-    gradient, slopes, time = fit.gradient, fit.slopes, history.points[number % POINTS, 8]
+    gradient, slopes, time = fit.gradient, fit.slopes, history.points[number % POINTS].time
     slopes[LOG_RATIO] = gradient[3]
     slopes[EXPONENT] = gradient[4]
     slopes[VELOCITY_EXPONENT] = gradient[5]
@@ -247,7 +246,7 @@ def _follow_bend(settings: Any, history: Any, fit: Any, values: Any) -> None:
         if number < 0:
             continue
         point, place = history.points[k % POINTS], history.points[number % POINTS]
-        used = locate(fit, place[8])
+        used = locate(fit, place.time)
         further, _, _ = _residual(settings, history, fit, ahead, point, number)
         here = _tangent(settings, history, fit, values, point, number)
         along = 0.0
@@ -255,7 +254,7 @@ def _follow_bend(settings: Any, history: Any, fit: Any, values: Any) -> None:
             along += slopes[i] * (following[places[i]] - values[places[i]])
         bend = 2.0 / BEND_STEP * ((further - here) / BEND_STEP + along)
         for i in range(used):
-            pull[places[i]] += point[3] * slopes[i] * bend
+            pull[places[i]] += point.weight * slopes[i] * bend
     for i in range(SPLINE_FIRST):
         if fit.fixed[i] != 0:
             pull[i] = 0.0
@@ -291,7 +290,7 @@ def _note_splines(fit: Any, point: Any) -> None:
             slopes[first + i] = fit.basis[1, i] * gradient[4]
     if has(fit, RELAXES):
         for i in range(MEMORIES):
-            slopes[first + i] = -point[MEMORY + i]
+            slopes[first + i] = -point.memory[i]
 
 
 @compiled

@@ -20,9 +20,9 @@ SAME_TIME = 0.1  # of the time between two points, by which they may be off
 def place_of(history: Any, fit: Any, k: int) -> int:
     """Number of the point whose displacement belongs to a point's force; -1 if it has none."""
     j = k - fit.shift
-    if j < fit.first or j >= fit.last or history.points[j % POINTS, 7] == UNKNOWN:
+    if j < fit.first or j >= fit.last or history.points[j % POINTS].source == UNKNOWN:
         return -1
-    apart = history.points[k % POINTS, 8] - history.points[j % POINTS, 8]
+    apart = history.points[k % POINTS].time - history.points[j % POINTS].time
     if abs(apart - fit.shift * fit.spacing) > SAME_TIME * fit.spacing:
         return -1
     return j  # type: ignore[no-any-return]
@@ -43,8 +43,8 @@ def _share_of_way(history: Any, fit: Any, number: int, delay: float) -> float:
     if delay == 0.0 or not fit.first <= other < fit.last:
         return math.nan
     near = history.points[other % POINTS]
-    apart = near[8] - history.points[number % POINTS, 8]
-    known = near[7] != UNKNOWN and abs(apart) < (1.0 + SAME_TIME) * fit.spacing
+    apart = near.time - history.points[number % POINTS].time
+    known = near.source != UNKNOWN and abs(apart) < (1.0 + SAME_TIME) * fit.spacing
     return -delay / apart if known and abs(delay) <= abs(apart) else math.nan
 
 
@@ -56,15 +56,21 @@ def motion_before(history: Any, fit: Any, number: int, delay: float) -> tuple[fl
     between two points both are used. What the depths say of the velocity is mostly their noise.
     """
     point = history.points[number % POINTS]
-    depth, velocity, acceleration = point[0], point[5], point[6]
+    depth, velocity, acceleration = point.depth, point.motion_velocity, point.motion_acceleration
     s = _share_of_way(history, fit, number, delay)
     if s >= 0.0:
         near = history.points[(number - 1 if delay > 0.0 else number + 1) % POINTS]
-        apart = near[8] - point[8]
+        apart = near.time - point.time
         return (
-            _between(s, depth, apart * velocity, near[0], apart * near[5]),
-            _between(s, velocity, apart * acceleration, near[5], apart * near[6]),
-            acceleration + s * (near[6] - acceleration),
+            _between(s, depth, apart * velocity, near.depth, apart * near.motion_velocity),
+            _between(
+                s,
+                velocity,
+                apart * acceleration,
+                near.motion_velocity,
+                apart * near.motion_acceleration,
+            ),
+            acceleration + s * (near.motion_acceleration - acceleration),
         )
     depth -= delay * (velocity - 0.5 * delay * acceleration)
     return depth, velocity - delay * acceleration, acceleration

@@ -91,7 +91,7 @@ def _begin_with_surface(settings: Any, history: Any, fit: Any) -> None:
     for i in range(between, fit.unknowns):
         # A cubic spline is near its coefficient in the middle of that one's four intervals.
         time = fit.begin + (i - between - 1) * fit.knot[1]
-        while k < fit.last - 1 and history.points[(k + 1) % POINTS, 8] < time:
+        while k < fit.last - 1 and history.points[(k + 1) % POINTS].time < time:
             k += 1
         values[i] = _surface_at(history, fit, n, slope, k, time)
 
@@ -99,7 +99,7 @@ def _begin_with_surface(settings: Any, history: Any, fit: Any) -> None:
 @compiled
 def _root(fit: Any, point: Any, n: float) -> float:
     """F^(1/n) of a point."""
-    return max(point[2] - fit.values[FORCE_ZERO], 0.0) ** (1.0 / n)  # type: ignore[no-any-return]
+    return max(point.force - fit.values[FORCE_ZERO], 0.0) ** (1.0 / n)  # type: ignore[no-any-return]
 
 
 @compiled
@@ -108,8 +108,8 @@ def _slope(history: Any, fit: Any, n: float) -> float:
     product, square = 0.0, 0.0
     for k in range(fit.first, fit.last - 1):
         here, there = history.points[k % POINTS], history.points[(k + 1) % POINTS]
-        if there[8] - here[8] < NEIGHBOURS:
-            way = there[0] - here[0]
+        if there.time - here.time < NEIGHBOURS:
+            way = there.depth - here.depth
             product += way * (_root(fit, there, n) - _root(fit, here, n))
             square += way * way
     return product / square if square > 0.0 else 0.0
@@ -119,10 +119,10 @@ def _slope(history: Any, fit: Any, n: float) -> float:
 def _surface_at(history: Any, fit: Any, n: float, slope: float, k: int, time: float) -> float:
     """Surface [mm] at a time [s] between the points k and k + 1, or at the nearest."""
     here, there = history.points[k % POINTS], history.points[min(k + 1, fit.last - 1) % POINTS]
-    span = there[8] - here[8]
-    share = min(max((time - here[8]) / span, 0.0), 1.0) if span > 0.0 else 0.0
-    before = here[0] - _root(fit, here, n) / slope
-    after = there[0] - _root(fit, there, n) / slope
+    span = there.time - here.time
+    share = min(max((time - here.time) / span, 0.0), 1.0) if span > 0.0 else 0.0
+    before = here.depth - _root(fit, here, n) / slope
+    after = there.depth - _root(fit, there, n) / slope
     return before + share * (after - before)  # type: ignore[no-any-return]
 
 
@@ -132,7 +132,7 @@ def _lay_line(history: Any, fit: Any, n: float, slope: float) -> None:
     count, time_sum, place_sum, square, product = 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(fit.first, fit.last):
         point = history.points[k % POINTS]
-        time, place = point[8] - fit.latest, point[0] - _root(fit, point, n) / slope
+        time, place = point.time - fit.latest, point.depth - _root(fit, point, n) / slope
         count += 1.0
         time_sum += time
         place_sum += place

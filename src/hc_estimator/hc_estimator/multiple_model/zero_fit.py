@@ -232,8 +232,8 @@ def _fit_any(settings: Any, bank: Any, possible: int) -> bool:
     """
     history, zeros, fit = bank.history, bank.zeros, bank.fit
     first = histories.of_place(history)
-    last = history.points[(history.count - 1) % POINTS, 8]
-    span = last - history.points[first % POINTS, 8]
+    last = history.points[(history.count - 1) % POINTS].time
+    span = last - history.points[first % POINTS].time
     zeros.misfit = math.inf
     row = bank.rows[bank.judge.chosen]
     near = spline.first_in_reach(history, first, history.count)

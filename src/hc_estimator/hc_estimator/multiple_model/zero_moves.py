@@ -11,9 +11,9 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import air_window, delay_points, plausible
+from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.hypotheses import DEPTH
-from hc_estimator.multiple_model.smoothing import BY_PARABOLA, FORCE_BY_PARABOLA
 
 
 @compiled
@@ -44,11 +44,10 @@ def move_readings(bank: Any) -> None:
         onset.zero[i] += shift
         bank.noise[i].readings -= shift
         finder.raw_value[i] -= shift
-        for column in (0, BY_PARABOLA) if i == 0 else (3, FORCE_BY_PARABOLA):
-            finder.grid[:, column] -= shift
         if (finder.delay > 0.0) == (i == 0):
             held.value -= shift
     displacement, force = onset.shift[0], onset.shift[1]
+    grids.move(finder, displacement, force)
     delay_points.move(finder, displacement, force)
     for m in range(bank.rows.shape[0]):
         bank.rows[m].state[DEPTH] -= displacement
