@@ -95,6 +95,17 @@ def scatter_of(window: Any) -> float:
 
 
 @compiled
+def variance_of_mean(window: Any, noise: float) -> float:
+    """Variance of the mean force [N^2]: readings that go together scatter less than their mean.
+
+    Args:
+        window: of readings.
+        noise: variance of the force that counts for what moves as a tool does [N^2].
+    """
+    return max(scatter_of(window), noise) / window.count  # type: ignore[no-any-return]
+
+
+@compiled
 def is_calm(window: Any, variance: float, wildest: float) -> bool:
     """True if the force scatters as a working sensor does, at most so many times its variance."""
     scatter = scatter_of(window)
@@ -130,4 +141,4 @@ def zero_of(window: Any, noise: float, place_variance: float) -> tuple[float, fl
         return 0.0, math.inf
     if not (is_calm(window, noise, WILDEST) and stays_the_same(window)):
         return 0.0, math.inf
-    return window.mean[1], math.sqrt(scatter_of(window) / window.count)
+    return window.mean[1], math.sqrt(variance_of_mean(window, noise))

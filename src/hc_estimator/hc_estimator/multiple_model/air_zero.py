@@ -141,17 +141,17 @@ def _conclude(bank: Any, time: float) -> None:
     calm = air_window.is_calm(window, noise[1], WILDEST)
     if calm and not shown and air.travelled == 0 and air.time < FORGETTING:
         return
-    scatter = air_window.scatter_of(window)
+    variance = air_window.variance_of_mean(window, noise[1])
     if shown:
         air.travelled = 1 if calm and air_window.stays_the_same(window) else 0
     if calm and air.travelled != 0:
         steps = abs(mean * air.seen - air.sum)
-        if steps > SIGNIFICANT * math.sqrt(scatter / count) * air.seen:
+        if steps > SIGNIFICANT * math.sqrt(variance) * air.seen:
             _forget(air)  # a step, as of a driver that tared: what was before is another zero
         air.seen += count
         air.seen_time += air.time
         air.sum += count * mean
-        level, deviation = air.sum / air.seen, math.sqrt(scatter / air.seen)
+        level, deviation = air.sum / air.seen, math.sqrt(variance * count / air.seen)
         moves = abs(level) > max(SIGNIFICANT * deviation, SMALLEST_ZERO * math.sqrt(noise[1]))
         finer = not moves and deviation < FINER * bank.onset.force_deviation
         if moves or finer:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from hc_estimator.adaptation import difference_noise, motion_density
+from hc_estimator.adaptation import difference_noise, motion_density, noise_color
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import copy_vector
@@ -72,6 +72,7 @@ def start(settings: Any, bank: Any) -> None:
     take_noise(settings, bank)
     for i in range(2):
         difference_noise.restart(bank.noise[i])
+    noise_color.restart(bank.force_color)
     motion_density.reset(bank.motion)
     tempering.reset(bank.tool)
     bank.tool.away_time = 0.0

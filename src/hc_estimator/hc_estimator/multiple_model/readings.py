@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from hc_estimator.adaptation import difference_noise, motion_density
+from hc_estimator.adaptation import difference_noise, motion_density, noise_color
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import tempering
@@ -118,6 +118,9 @@ def learn(settings: Any, bank: Any, time: float) -> None:
                     floor = _force_floor(settings, bank)
                 reading = clock.measurement[i]
                 difference_noise.learn(settings, bank.noise[i], time, reading, broken, floor)
+        if clock.present[1] != 0:
+            touches = bank.rows[bank.judge.chosen].predicted_force > 0.0
+            noise_color.learn(bank.force_color, bank.noise[1], clock.measurement[1], touches)
         _follow_noise(bank)
     chosen = bank.rows[bank.judge.chosen]
     if settings.motion_adaptation != 0 and clock.present[0] != 0:
@@ -148,6 +151,8 @@ def _follow_noise(bank: Any) -> None:
         if noise[i].count == 0:
             continue
         variance = difference_noise.cautious(noise[i])
+        if i == 1:
+            variance *= noise_color.factor(bank.force_color, noise[1])
         latest = difference_noise.latest(noise[i])
         if noise[i].count > first and latest > SUDDEN * variance:
             variance = latest

@@ -10,6 +10,7 @@ import numpy as np
 
 from hc_estimator.adaptation.difference_noise import NOISE
 from hc_estimator.adaptation.motion_density import INDICES, MOTION
+from hc_estimator.adaptation.noise_color import COLOR
 from hc_estimator.memory import Field, record_type
 from hc_estimator.multiple_model.delay_records import DELAY, TERMS
 from hc_estimator.multiple_model.hypotheses import FRESH, ROWS, STATES
@@ -350,6 +351,7 @@ BANK: tuple[Field, ...] = (
     Field("guessed", np.int64, (), 0, 1),  # 1 once a contact has set the first guess of K
     Field("contact_readings", np.int64, (), 0, 3),  # readings in a row with a force, up to three
     Field("motion_anew", np.int64, (), 0, 1),  # 1 if the motion starts anew at the next sample
+    Field("force_color", COLOR),
     Field("sensor_noise", np.float64, (2,), 0.0),  # variances in use [mm^2], [N^2]
     Field("noise", NOISE, (2,)),
     Field("motion", MOTION),
