@@ -24,6 +24,8 @@ RECORDS = {  # what a variable of that name is, in every kernel
     "clock": "clock",
     "noise": "noise",
     "channel": "noise",
+    "color": "color",
+    "force_color": "color",
     "motion": "motion",
     "tool": "tool",
     "rows": "row",
@@ -55,6 +57,7 @@ OWNERS = {
     ),
     "clock": ("screening", "multiple_model/alignment", "multiple_model/sample"),
     "noise": ("adaptation/difference_noise",),
+    "color": ("adaptation/noise_color",),
     "motion": ("adaptation/motion_density",),
     "tool": (
         "multiple_model/levels",
@@ -162,7 +165,7 @@ GUESTS = {
     # Everything that was remembered with the old zeros is moved here.
     "multiple_model/zero_moves": {
         "air": "sum",
-        "delay": "grid raw_value",
+        "delay": "raw_value",
         "given": "predicted_force reconstructed_force",
         "held": "value",
         "motion": "first states",

@@ -1,0 +1,143 @@
+"""Noise whose neighbours go together: how much of it counts for a tool's motion, and for K."""
+
+import numpy as np
+import pytest
+from scipy.linalg import toeplitz
+
+import hc_estimator as hc
+from hc_estimator.adaptation import difference_noise, noise_color
+from hc_estimator.adaptation.difference_noise import ORDER, WEIGHTS
+
+RATE = 1000.0
+
+
+def records():
+    """What is known of one channel, and its colour, before any reading."""
+    channel = np.zeros(1, difference_noise.NOISE).view(np.recarray)[0]
+    color = np.zeros(1, noise_color.COLOR).view(np.recarray)[0]
+    return channel, color
+
+
+def taken(readings, touches=None, rate=RATE):
+    """Both records after readings, the noise as `difference_noise` learns it."""
+    settings = hc.create_estimator("self_tuning_ukf")._settings.view(np.recarray)[0]
+    channel, color = records()
+    noise_color.restart(color)
+    for k, reading in enumerate(readings):
+        difference_noise.learn(settings, channel, k / rate, reading, k == 0, 1e-9)
+        noise_color.learn(color, channel, reading, True if touches is None else touches[k])
+    return channel, color
+
+
+def filtered(generator, count, time_constant, rate=RATE):
+    """Noise of variance 1 behind a low-pass."""
+    share = np.exp(-1.0 / (rate * time_constant))
+    noise = generator.standard_normal(count)
+    for k in range(1, count):
+        noise[k] = share * noise[k - 1] + np.sqrt(1.0 - share * share) * noise[k]
+    return noise
+
+
+def expected(autocovariance, octave):
+    """Variance that an octave says, by the quadratic form of all its readings' covariances."""
+    size = 2**octave
+    weights = np.repeat(WEIGHTS, size) / size
+    covariance = toeplitz(autocovariance[: weights.size])
+    return size * (weights @ covariance @ weights) / (WEIGHTS @ WEIGHTS)
+
+
+@pytest.mark.parametrize("rate", [100.0, 250.0, 500.0, 1000.0, 4000.0])
+def test_white_noise_counts_once(rate):
+    for seed in range(12):
+        readings = 3.0 + 0.01 * np.random.default_rng(seed).standard_normal(4000)
+        channel, color = taken(readings, rate=rate)
+        assert noise_color.factor(color, channel) == 1.0
+
+
+@pytest.mark.parametrize("time_constant", [0.0022, 0.005])
+def test_every_octave_says_what_the_covariances_of_its_readings_make(time_constant):
+    generator = np.random.default_rng(7)
+    lags = np.arange(9 * 2**noise_color.OCTAVES)
+    autocovariance = np.exp(-lags / (RATE * time_constant))
+    said, factors, own = np.zeros(noise_color.OCTAVES), [], []
+    for _ in range(8):
+        channel, color = taken(filtered(generator, 12000, time_constant))
+        said += np.array(color.variance) / 8.0
+        factors.append(noise_color.factor(color, channel))
+        own.append(channel["mean"])
+    assert np.mean(own) == pytest.approx(expected(autocovariance, 0), rel=0.1)
+    for octave in (1, 2, 3):
+        assert said[octave - 1] == pytest.approx(expected(autocovariance, octave), rel=0.12)
+    assert np.all(said[3:] == 0.0)  # wider than 8 ms
+    ratio = expected(autocovariance, 3) / expected(autocovariance, 0)
+    assert np.mean(factors) == pytest.approx(ratio, rel=0.12)
+
+
+def test_the_force_of_a_tool_that_shakes_is_no_noise():
+    time = np.arange(6000) / RATE
+    force = 3.0 + 2.0 * np.sin(19.0 * time) + 0.3 * np.sin(2.0 * np.pi * 12.0 * time)
+    force += 1e-3 * np.random.default_rng(3).standard_normal(time.size)
+    channel, color = taken(force)
+    assert noise_color.factor(color, channel) == 1.0
+
+
+def test_a_touch_is_no_noise():
+    """Where the force begins it has a corner, which no difference takes for smooth."""
+    time = np.arange(8000) / RATE
+    force = np.maximum(4.0 * np.sin(2.0 * np.pi * 2.3 * time), 0.0)
+    touches = force > 0.0
+    force = force + 2e-4 * np.random.default_rng(5).standard_normal(time.size)
+    channel, color = taken(force, touches)
+    assert noise_color.factor(color, channel) < 1.5
+    channel, color = taken(force)
+    assert noise_color.factor(color, channel) > 5.0  # asked of all readings it would be one
+
+
+def test_a_jump_of_the_noise_begins_anew():
+    generator = np.random.default_rng(2)
+    quiet = 0.01 * generator.standard_normal(4000)
+    channel, color = taken(np.concatenate([10.0 * quiet, quiet[:300]]))
+    assert noise_color.factor(color, channel) == 1.0
+    assert color.count[0] < 200
+
+
+def test_a_gap_is_bridged_by_no_difference():
+    settings = hc.create_estimator("self_tuning_ukf")._settings.view(np.recarray)[0]
+    channel, color = records()
+    noise_color.restart(color)
+    for k in range(200):
+        reading = 0.01 * (-1.0) ** k
+        difference_noise.learn(settings, channel, k / RATE, reading, k in (0, 100), 1e-9)
+        noise_color.learn(color, channel, reading + (50.0 if k >= 100 else 0.0), True)
+    assert np.max(color.variance[:2]) < 1e-3
+    assert np.max(color.following) <= ORDER + 1
+
+
+@pytest.mark.parametrize(("time_constant", "mains"), [(0.0022, 0.0), (0.004, 0.0), (0.0, 0.03)])
+def test_a_sensor_with_a_filter_or_in_a_mains_field_is_no_misfit(time_constant, mains):
+    """Before, a misfit was said in 88 to 100 % of the time."""
+    told, within, errors = [], [], []
+    for seed in range(600, 606):
+        draw = np.random.default_rng(seed)
+        time = np.arange(0.0, 14.0, 1.0 / RATE)
+        stiffness, exponent = np.exp(draw.uniform(np.log(0.1), np.log(2.0))), draw.uniform(1.0, 2.0)
+        damping = stiffness * draw.uniform(0.004, 0.03)
+        depth, speed = np.full(time.size, 2.6), np.zeros(time.size)
+        for hertz, phase in zip((0.37, 0.81, 1.3), draw.uniform(0.0, 6.28, 3), strict=True):
+            depth += 0.7 * np.sin(2.0 * np.pi * hertz * time + phase)
+            speed += 1.4 * np.pi * hertz * np.cos(2.0 * np.pi * hertz * time + phase)
+        force = np.maximum(depth, 0.0) ** exponent * (stiffness + damping * speed)
+        noise = draw.standard_normal(time.size)
+        if time_constant > 0.0:
+            noise = filtered(draw, time.size, time_constant)
+        force += 0.01 * noise + mains * np.sin(2.0 * np.pi * 50.0 * time)
+        place = depth + 0.003 * draw.standard_normal(time.size)
+        series = hc.create_estimator("self_tuning_ukf").run(time, place, force)
+        late = time > 5.0
+        told.append(np.mean(series.model_mismatch[late]))
+        error = np.abs(series.parameters[late, 0] - stiffness)
+        within.append(np.mean(error < 3.0 * series.parameters_std[late, 0]))
+        errors.append(np.median(error) / stiffness)
+    assert np.mean(told) < 0.05
+    assert np.mean(within) > 0.9
+    assert np.median(errors) < 0.01
