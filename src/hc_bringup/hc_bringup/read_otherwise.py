@@ -169,13 +169,19 @@ def from_surface(recording: Any, mm_per_n: float) -> Any:
         UserError: if there is no approach in it.
     """
     from hc_bringup.errors import UserError
+    from hc_estimator.stream.readings import Check
+    from hc_estimator.stream.sanity import check_samples
     from hc_estimator.stream.surface import find_surface, why_no_surface
     from hc_estimator.stream.together import together
 
-    pairs = together(recording.time_s, recording.displacement_mm, recording.force_n)[1:]
+    paired = together(recording.time_s, recording.displacement_mm, recording.force_n)
+    pairs = paired[1:]
     found = find_surface(*pairs)
     if found is None:
-        raise UserError(f"--find-surface: {recording.path} {why_no_surface(*pairs)}")
+        # A force that only falls below its zero has no approach: mostly its sign is turned.
+        turned = [s.sentence for s in check_samples(*paired) if s.check is Check.SIGN]
+        why = turned[0] if turned else why_no_surface(*pairs)
+        raise UserError(f"--find-surface: {recording.path}{':'[: len(turned)]} {why}")
     # As input.position.zero: with the force zero taken off, less is taken off for the compliance.
     surface_mm = found.displacement_mm + mm_per_n * found.force_n
     note = surface_note(found, surface_mm)
@@ -187,4 +193,25 @@ def from_surface(recording: Any, mm_per_n: float) -> Any:
         zeroed,
         findings=findings._replace(notes=(*findings.notes, note)),
         contact_position_std_mm=found.displacement_std_mm,
+        found_zeros={"position.zero": surface_mm, "force.zero": found.force_n},
     )
+
+
+def settings_that_repeat(given: Mapping[str, Any], recording: Any) -> dict[str, Any]:
+    """Return the settings that read a recording as it stands, without looking for its surface.
+
+    What is found wrong afterwards counts from there.
+
+    Args:
+        given: settings by name below `input.`.
+        recording: as they and a search for its surface made it.
+    """
+    from hc_bringup.terminal.numbers import rounded
+    from hc_estimator.stream.vocabulary import CONTACT_POSITION_STD
+
+    settings = dict(given)
+    for name, value in recording.found_zeros.items():
+        settings[name] = rounded(settings.get(name, 0.0) + value, 4)
+    if recording.found_zeros:
+        settings[CONTACT_POSITION_STD] = float(f"{recording.contact_position_std_mm:.2g}")
+    return settings

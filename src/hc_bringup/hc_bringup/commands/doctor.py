@@ -39,6 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; status 1 where something is wrong."""
     from hc_bringup.diagnosis import Finding, diagnose
     from hc_bringup.live_check import listen, said_once, too_short_wait
+    from hc_bringup.read_otherwise import settings_that_repeat
     from hc_bringup.reading_changes import (
         change_lines,
         judged_line,
@@ -91,7 +92,8 @@ def run(arguments: argparse.Namespace) -> int:
                 *change_lines(changes, int(recording.stamps[0])),
                 judged_line(stretch),
             )
-        settings, type_it = dict(arguments.sensors), _for_recording(arguments, recording)
+        settings = settings_that_repeat(dict(arguments.sensors), recording)
+        type_it = _for_recording(arguments, recording)
         where = f"{name_of(arguments)}, {len(recording.time_s)} samples"
     diagnosis = None
     if rows is not None:
@@ -204,6 +206,7 @@ def apply(present: dict[str, Any], correction: dict[str, Any]) -> dict[str, Any]
         correction: what the readings made with them are to be multiplied by or shifted by.
     """
     from hc_bringup.terminal.numbers import rounded
+    from hc_estimator.stream.vocabulary import CONTACT_POSITION_STD
 
     changed: dict[str, Any] = {}
     for name, value in correction.items():
@@ -215,6 +218,9 @@ def apply(present: dict[str, Any], correction: dict[str, Any]) -> dict[str, Any]
             zero = present.get(f"{sensor}.zero", 0.0)
             if zero:
                 changed[f"{sensor}.zero"] = rounded(zero * value, 4)
+            if sensor == "position" and CONTACT_POSITION_STD in present:
+                deviation_mm = abs(present[CONTACT_POSITION_STD] * value)
+                changed[CONTACT_POSITION_STD] = float(f"{deviation_mm:.2g}")
         else:
             changed[name] = rounded(present.get(name, 0.0) + value, 4)
     present.update(changed)
