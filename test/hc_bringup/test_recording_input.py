@@ -69,6 +69,22 @@ def test_a_bag_of_another_robot_gives_its_tissue(robot_bag: Path, capsys) -> Non
     assert found["displacement_exponent"] == pytest.approx(N, rel=0.05)
 
 
+def test_a_direction_needs_no_brackets_and_a_wrong_one_is_told(
+    robot_bag: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: "force.direction=0,-3,4 is not a list of numbers"."""
+    plain = [s.replace("[0, -3, 4]", "0,-3,4") for s in REAL_SENSORS]
+    np.testing.assert_array_equal(
+        loaded(robot_bag, *plain).force_n, loaded(robot_bag, *REAL_SENSORS).force_n
+    )
+    assert main(["estimate", str(robot_bag), *options("force.direction=0,x,4")]) == 2
+    assert "is not a list of numbers (0.6,0,0.8)" in capsys.readouterr().err
+    along_z = [s for s in plain if "direction" not in s]
+    (said,) = loaded(robot_bag, *along_z).findings.problems
+    assert "37 degrees off the axis that is read" in said
+    assert "--input force.axis=direction --input force.direction=0.000,-0.600,0.800" in said
+
+
 def test_the_sensors_of_a_bag_are_less_what_the_robot_gave_way(robot_bag: Path) -> None:
     read = loaded(robot_bag, *REAL_SENSORS)
     less = loaded(robot_bag, *REAL_SENSORS, "position.frame_compliance=0.01")

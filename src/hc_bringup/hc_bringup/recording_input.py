@@ -37,7 +37,8 @@ OF_A_TABLE = (
 """What can be said of a CSV file and of recorded samples as well; the rest is for a bag with two
 sensors' topics."""
 
-_TEXT, _NUMBER, _WHOLE, _NUMBERS = "a word", "a number", "a whole number", "a list of numbers"
+_TEXT, _NUMBER, _WHOLE = "a word", "a number", "a whole number"
+_NUMBERS = "a list of numbers (0.6,0,0.8)"
 _FLAG = "true or false"
 _SENSOR = {
     "topic": _TEXT,
@@ -209,6 +210,7 @@ def check(arguments: argparse.Namespace) -> None:
     """
     file_preset.apply(arguments)
     csv_options(arguments)
+    arguments.sensors = [(name, _listed(name, value)) for name, value in arguments.sensors]
     for name, value in each_once(arguments.sensors, "--input").items():
         if name not in KIND_OF:
             raise UserError(f"--input {name} is none of {', '.join(KIND_OF)}", WRONG_USE)
@@ -340,6 +342,16 @@ def assumed_line(displacement_mm: Any, force_n: Any, *, table: bool = False) -> 
         f"readings taken for metres and newtons: {moves_by} (if not: input.position.scale, "
         "input.force.scale)"
     )
+
+
+def _listed(name: str, value: Any) -> Any:
+    """Return numbers with commas between them, as a shell likes them, as the list that they are."""
+    if KIND_OF.get(name) is not _NUMBERS or not isinstance(value, str):
+        return value
+    try:
+        return [float(word) for word in value.split(",")]
+    except ValueError:
+        return value
 
 
 def _is(value: Any, kind: str) -> bool:
