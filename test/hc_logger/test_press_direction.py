@@ -16,7 +16,7 @@ def presses(direction: tuple[float, float, float], noise_n: float = 0.01) -> np.
     pushed = np.maximum(np.sin(np.linspace(0.0, 30.0, 3000)), 0.0) ** 1.5 * 3.0
     unit = np.array(direction) / np.linalg.norm(direction)
     noise = noise_n * generator.standard_normal((3000, 3))
-    return np.outer(pushed, unit) + (0.3, -1.2, 2.0) + noise
+    return np.outer(pushed, unit) + np.array([0.3, -1.2, 2.0]) + noise
 
 
 def test_a_sensor_that_sits_turned_is_told_with_what_to_type() -> None:
