@@ -7,6 +7,7 @@ a recording goes into the node's parameter file as it is.
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -264,12 +265,22 @@ def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
                 recording = less_interpolated(recording)
         else:
             recording = _read_sensors(arguments.input, sensors)
+        if not as_read and (line := _turning_line(arguments.input, sensors)):
+            found = recording.findings
+            found = found._replace(problems=(*found.problems, line))
+            recording = dataclasses.replace(recording, findings=found)
         recording = less_compliance(recording, mm_per_n, of_samples=as_read)
     except ValueError as error:
         raise UserError(f"--input: {error}", WRONG_USE) from error
     except BagError as error:
         raise UserError(str(error)) from error
     return from_surface(recording, mm_per_n) if arguments.find_surface else recording
+
+
+def _turning_line(path: str, sensors: Mapping[str, Any]) -> str:
+    from hc_bringup.turn_watch import bag_turning_line
+
+    return bag_turning_line(path, sensors)
 
 
 def _check_as_read(sensors: Mapping[str, Any]) -> None:
