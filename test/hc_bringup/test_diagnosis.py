@@ -287,3 +287,48 @@ def test_a_delay_that_grows_is_of_two_clocks_and_no_offset_is_proposed():
     assert rate == pytest.approx(300.0, rel=0.1)
     assert drifts.settings == {}
     assert not any("time_offset" in f.settings for f in found.findings)
+
+
+def test_what_is_typed_after_a_search_for_the_surface_counts_from_where_the_channels_do(
+    tmp_path, capsys
+):
+    """Regression: it said position.zero=-0.07 of a surface at 200 mm, and gave no contact."""
+    time_s, depth, force = presses()
+    out = int(np.argmin(depth))  # in the air, where the recording begins with a rest
+    rest = np.zeros(500)
+    noisy = 0.01 * np.random.default_rng(8).standard_normal(rest.size)
+    late = np.concatenate([rest + depth[out], np.interp(time_s - 0.02, time_s, depth)[out:]])
+    samples = (
+        np.arange(late.size) * 0.002,
+        late + 200.0,
+        np.concatenate([noisy, force[out:]]) + 1.0,
+    )
+    table = to_table(tmp_path / "far.csv", samples)
+    assert main(["doctor", str(table), "--find-surface"]) == 1
+    said = capsys.readouterr().out
+    commands = [s for s in said.splitlines() if s.startswith("   type:")]
+    zeros = [float(s.partition("position.zero=")[2].split()[0]) for s in commands]
+    assert zeros
+    assert zeros == pytest.approx([200.0] * len(zeros), abs=1.0)
+    assert "contact_position_std=" in commands[-1]
+    assert "force.zero=" in commands[-1]
+    told = float(said.split("put right:")[-1].split("K = ")[1].split()[0])
+    assert main([*shlex.split(commands[-1].partition("hc ")[2]), "--json"]) == 0
+    typed = json.loads(capsys.readouterr().out)
+    assert typed["parameters"]["stiffness"] == pytest.approx(told, rel=0.05)
+    assert told == pytest.approx(TISSUE[0], rel=0.1)
+
+
+def test_a_factor_takes_the_zero_and_its_deviation_along():
+    present = {"position.zero": 200.0, CONTACT_STD: 0.03}
+    changed = apply(present, {"position.scale": 0.001})
+    assert changed == {"position.scale": 0.001, "position.zero": 0.2, CONTACT_STD: 3e-5}
+
+
+def test_a_turned_sign_is_named_where_no_surface_is_found(tmp_path, capsys):
+    """Regression: "does not go from free motion into contact", of a machine that pulls."""
+    time_s, depth, force = presses()
+    table = to_table(tmp_path / "tension.csv", (time_s, -depth, -force))
+    assert main(["estimate", str(table), "--find-surface"]) == 1
+    said = capsys.readouterr().err
+    assert "turn the signs of both (force.sign, position.sign)" in said

@@ -140,6 +140,21 @@ def test_it_says_each_place_in_a_line(
     assert "K = 0.9" in lines[2]
 
 
+def test_without_a_map_the_table_and_the_places_are_said_all_the_same(
+    table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: the table was written without a word, and the places were not said."""
+    out, drawn = tmp_path / "sites.csv", tmp_path / "map.png"
+    words = ["contacts", str(table), "--sites", "-o", str(out), "--map", str(drawn)]
+    assert main(words) == 1
+    said = capsys.readouterr()
+    assert "site 3: surface at " in said.out
+    assert f"written: {out}" in said.out
+    assert "a map needs contacts at 4 places at least" in said.err
+    assert out.exists()
+    assert not drawn.exists()
+
+
 def test_where_the_tip_is_known_its_way_sideways_counts_and_not_the_pause(table: Path) -> None:
     recording = read_recording(table)
     time_s, _depth, sideways, _force = palpation()

@@ -56,6 +56,16 @@ def test_what_the_display_missed_is_not_lost() -> None:
     assert (state.unseen, live._lost(state)) == (0, "99")
 
 
+def test_without_an_estimator_no_sample_is_lost() -> None:
+    """Regression: of hc run master "0 estimates of 18103 samples in 18.1 s; lost 18103"."""
+    state = RunState(EstimateStatistics(), 0.0, elapsed_s=18.1, samples=18103, estimating=False)
+    summary = run_summary(state, None)
+    assert (summary["lost"], summary["estimating"]) == (None, False)
+    assert run_text(summary).startswith("18103 samples in 18.1 s, and no estimator\n")
+    state.statistics.add(estimate(0))  # of one that was started otherwise
+    assert run_text(run_summary(state, None)).startswith("1 estimates of 18103 samples")
+
+
 def test_a_sequence_that_starts_again_is_a_restart_and_no_loss() -> None:
     statistics = EstimateStatistics()
     for sequence in (0, 1, 2, 0, 1, 2):

@@ -1,5 +1,6 @@
 """hc doctor says of a bag, and of a node, that the tool turned while it was recorded."""
 
+import argparse
 import json
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 from geometry_msgs.msg import PoseStamped, TransformStamped, WrenchStamped
 from rclpy.serialization import serialize_message
 
+from hc_bringup import recording_input
 from hc_bringup.cli import main
 from hc_bringup.turn_watch import bag_turn_deg
 from hc_logger.writer import BagWriter
@@ -56,6 +58,17 @@ def test_doctor_says_of_a_bag_that_the_tool_turned(tmp_path, capsys, reading, tu
     told = [line for line in said if line.startswith("the tool turned by up to 20 degrees")]
     assert len(told) == (turn_deg > 0.0), said
     assert status == 1 or not told
+
+
+@pytest.mark.parametrize("turn_deg", [40.0, 0.0])
+def test_what_reads_a_bag_says_that_the_tool_turned(tmp_path, reading, turn_deg) -> None:
+    """Regression: a report began with a hard spot, of a tool that had turned."""
+    parser = argparse.ArgumentParser()
+    recording_input.add_options(parser)
+    bag = robot_bag(tmp_path / "bag", reading, turn_deg)
+    said = recording_input.load(parser.parse_args([str(bag)])).findings.lines()
+    told = [line for line in said if line.startswith("the tool turned by up to 20 degrees")]
+    assert len(told) == (turn_deg > 0.0), said
 
 
 def frames_bag(path: Path, turn_deg: float, names: tuple[str, ...], *, tf: bool) -> Path:

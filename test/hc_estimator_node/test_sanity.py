@@ -175,6 +175,8 @@ def test_sentences_say_what_is_seen_and_what_to_do():
     assert "turn its sign (force.sign)" in sentence(time_s, displacement, -force)
     metres = sentence(time_s, displacement / 1000.0, force)
     assert "if the displacement were in metres: scale it by 1000 (position.scale)" in metres
+    topic = sentence(time_s, displacement * 1000.0, force)  # that tells millimetres for metres
+    assert "in micrometres: scale it by 0.001 (position.scale); of a topic that is in mill" in topic
     zero = sentence(time_s, displacement, force + 1.7)
     assert zero.startswith("the force reads 1.7 N free of contact: tare")
     held = sentence(time_s, hold(displacement, 2), force)

@@ -306,3 +306,43 @@ def test_two_touches_of_other_places_are_no_surface():
     d, f = weak_press(0.05, 1)
     assert feel(finder, d, f) is None
     assert feel(finder, d + 3.0, f) is None
+
+
+def resting_in_the_tissue(pull_n=0.0, weaker_mm=0.0):
+    """A tool that rests 1.2 mm deep, presses twice from there, leaves and presses again."""
+    generator = np.random.default_rng(2)
+    time = np.arange(0.0, 12.0, 2e-3)
+    press = 1.0 - np.cos(4.0 * np.maximum(time - 1.5, 0.0))
+    rest = np.interp(time, [0.0, 6.2, 7.0, 8.5, 9.2], [1.2, 1.2, -4.0, -4.0, -weaker_mm])
+    depth = rest + 1.2 * press
+    force = 0.4 * np.maximum(depth, 0.0) ** 1.5 - pull_n * (np.abs(depth + 0.3) < 0.3)
+    return (
+        depth + 50.0 + 0.003 * generator.standard_normal(time.size),
+        force + 0.01 * generator.standard_normal(time.size),
+    )
+
+
+@pytest.mark.parametrize(("pull_n", "weaker_mm"), [(0.0, 0.0), (0.1, 0.0), (0.0, 1.0)])
+def test_a_rest_in_the_tissue_is_no_surface_where_a_later_press_is_from_the_air(pull_n, weaker_mm):
+    """Regression: the surface 1.2 mm too deep, known to 0.04 mm, and 0.53 N taken for zero."""
+    found = find_surface(*resting_in_the_tissue(pull_n, weaker_mm))
+    assert found.force_n == pytest.approx(0.0, abs=0.15)
+    assert abs(found.displacement_mm - 50.0) < 4.0 * found.displacement_std_mm < 2.0
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda time, displacement: -0.005 * time,  # a sensor that drifts
+        lambda time, displacement: -0.1 * (np.abs(displacement - 49.7) < 0.3),  # tissue that pulls
+    ],
+)
+def test_from_the_air_the_first_approach_counts_however_the_force_falls_later(change):
+    displacement, force = resting_in_the_tissue()
+    begin = int(np.argmax(displacement < 47.0))
+    displacement = np.concatenate([displacement[begin:]] * 3)
+    force = np.concatenate([force[begin:]] * 3)
+    force = force + change(np.arange(force.size) * 2e-3, displacement)
+    first, _later = np.split(np.column_stack([displacement, force]), [force.size // 3])
+    alone, whole = find_surface(*first.T), find_surface(displacement, force)
+    assert (whole.displacement_mm, whole.force_n) == (alone.displacement_mm, alone.force_n)

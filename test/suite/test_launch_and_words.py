@@ -27,6 +27,7 @@ SOURCES = (
     "hc_bringup/hc_bringup/live_check.py",
     "hc_bringup/hc_bringup/diagnosis.py",
     "hc_logger/hc_logger/sensors.py",
+    "hc_logger/hc_logger/press_direction.py",
     "hc_estimator/hc_estimator/ros/zero_setting.py",
     "hc_estimator/hc_estimator/stream/stamp_watch.py",
     "hc_estimator/hc_estimator/ros/moving_surface.py",
@@ -36,6 +37,7 @@ SOURCES = (
     "hc_bringup/hc_bringup/read_otherwise.py",
     "hc_bringup/hc_bringup/real_readings.py",
     "hc_bringup/hc_bringup/reading_changes.py",
+    "hc_bringup/hc_bringup/run_clock.py",
     "hc_bringup/hc_bringup/stopped_processes.py",
     "hc_bringup/hc_bringup/summary.py",
     "hc_bringup/hc_bringup/commands/estimate.py",
@@ -65,6 +67,7 @@ NO_WARNINGS = (
     "the \0 is noise alone (",  # a part of a sentence
     "the \0 reads \0 \0 all the time",
     "or in gram-force",
+    "of a topic that is in millimetres",
     "the clocks of sensor and computer differ",  # the second half
     "cannot be said, and neither can delay",
     "little: no parameter changes",

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 import matplotlib as mpl
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -56,3 +57,22 @@ def test_its_cells_run(capsys, monkeypatch):
     assert 28.0 < float(delay[1]) < 33.0
     assert 2.0 * names["aligned_rms"] < names["ahead_rms"]
     assert "force_predicted_N" in told
+
+
+def test_it_takes_a_recording_of_two_rates(capsys, monkeypatch, tmp_path):
+    """Regression: all rows were refused, and K = 1 was printed, the first guess."""
+    t = np.arange(4000) * 2e-3
+    depth = 1.2 + 2.0 * np.sin(2.1 * t) + 0.5 * np.sin(13.0 * t)
+    speed = 4.2 * np.cos(2.1 * t) + 6.5 * np.cos(13.0 * t)
+    force = np.maximum(depth, 0.0) ** 1.5 * (0.5 + 0.01 * speed)
+    noise = np.random.default_rng(3).standard_normal((2, t.size)) * [[0.003], [0.01]]
+    rows = [
+        f"{a:.3f},{b:.5f},{c:.5f}" if i % 4 == 0 else f"{a:.3f},,{c:.5f}"
+        for i, (a, b, c) in enumerate(zip(t, depth + noise[0], force + noise[1], strict=True))
+    ]
+    head = "time_s,displacement_mm,force_N"
+    (tmp_path / "palpation_sine_soft.csv").write_text("\n".join([head, *rows, ""]))
+    monkeypatch.setenv("HC_SHARED_DATA", str(tmp_path))
+    told, names = run(capsys)
+    assert names["last"].parameters[0] == pytest.approx(0.5, rel=0.05)
+    assert "nan mN" not in told

@@ -5,12 +5,17 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hc_msgs_py.units import NANOSECONDS
 
+if TYPE_CHECKING:
+    from hc_estimator.stream.tare import TareResult
+
 FARTHEST = 1.2
 """Times what the tool moved: a robot gives way no further, and readings have noise."""
+_FIRST = 20_000
+"""Samples that the slow comparison of the channels gets."""
 
 
 def less_zeros(recording: Any, zeros: Mapping[str, float]) -> Any:
@@ -169,16 +174,23 @@ def from_surface(recording: Any, mm_per_n: float) -> Any:
         UserError: if there is no approach in it.
     """
     from hc_bringup.errors import UserError
+    from hc_estimator.stream.readings import Check
+    from hc_estimator.stream.sanity import check_samples
     from hc_estimator.stream.surface import find_surface, why_no_surface
     from hc_estimator.stream.together import together
 
-    pairs = together(recording.time_s, recording.displacement_mm, recording.force_n)[1:]
+    paired = together(recording.time_s, recording.displacement_mm, recording.force_n)
+    pairs = paired[1:]
     found = find_surface(*pairs)
     if found is None:
-        raise UserError(f"--find-surface: {recording.path} {why_no_surface(*pairs)}")
+        # A force that only falls below its zero has no approach: mostly its sign is turned.
+        turned = [s.sentence for s in check_samples(*paired) if s.check is Check.SIGN]
+        why = turned[0] if turned else why_no_surface(*pairs)
+        raise UserError(f"--find-surface: {recording.path}{':'[: len(turned)]} {why}")
+    found, late = _with_delay(recording, found)
     # As input.position.zero: with the force zero taken off, less is taken off for the compliance.
     surface_mm = found.displacement_mm + mm_per_n * found.force_n
-    note = surface_note(found, surface_mm)
+    note = surface_note(found, surface_mm) + late
     zeroed = less_zeros(
         recording, {"position.zero": found.displacement_mm, "force.zero": found.force_n}
     )
@@ -187,4 +199,64 @@ def from_surface(recording: Any, mm_per_n: float) -> Any:
         zeroed,
         findings=findings._replace(notes=(*findings.notes, note)),
         contact_position_std_mm=found.displacement_std_mm,
+        found_zeros={"position.zero": surface_mm, "force.zero": found.force_n},
     )
+
+
+def _with_delay(recording: Any, found: TareResult) -> tuple[TareResult, str]:
+    """Return the surface with a delay between the channels allowed for, and words on that.
+
+    Of a position that is 30 ms late an approach of 25 mm/s sees the surface 0.7 mm too deep, and
+    nothing in that approach shows it.
+
+    Args:
+        recording: as it was read.
+        found: its surface, as of channels in step.
+    """
+    from hc_bringup.diagnosis import CLEAR_DELAY_S
+    from hc_bringup.place_delay import Delay
+    from hc_estimator.stream.surface import find_surface
+    from hc_estimator.stream.together import together
+    from hc_evaluation.channels import CLEAR, diagnose_channels, evenly_spaced, unbroken
+
+    depth_mm = recording.displacement_mm - found.displacement_mm
+    force_n = recording.force_n - found.force_n
+    try:
+        even = evenly_spaced(*unbroken(recording.time_s, depth_mm, force_n))
+        channels = diagnose_channels(*(column[:_FIRST] for column in even))
+    except ValueError:
+        return found, ""  # too little to compare
+    known = abs(channels.delay_s) > max(CLEAR_DELAY_S, CLEAR * channels.delay_std_s)
+    if "delay" not in channels.clear_faults or not known:
+        return found, ""
+    shifted = read_as(recording, {"force.time_offset": -channels.delay_s})
+    pairs = together(shifted.time_s, shifted.displacement_mm, shifted.force_n)[1:]
+    again = find_surface(*pairs)
+    if again is None:
+        return found, ""
+    delay = Delay(channels.delay_s, channels.delay_std_s, 1)
+    late = "force" if delay.seconds > 0.0 else "position"
+    return again, (
+        f"; {delay.late}: the surface allows for that, the estimates with "
+        f"--input {late}.time_offset={-abs(delay.seconds):.4f}"
+    )
+
+
+def settings_that_repeat(given: Mapping[str, Any], recording: Any) -> dict[str, Any]:
+    """Return the settings that read a recording as it stands, without looking for its surface.
+
+    What is found wrong afterwards counts from there.
+
+    Args:
+        given: settings by name below `input.`.
+        recording: as they and a search for its surface made it.
+    """
+    from hc_bringup.terminal.numbers import rounded
+    from hc_estimator.stream.vocabulary import CONTACT_POSITION_STD
+
+    settings = dict(given)
+    for name, value in recording.found_zeros.items():
+        settings[name] = rounded(settings.get(name, 0.0) + value, 4)
+    if recording.found_zeros:
+        settings[CONTACT_POSITION_STD] = float(f"{recording.contact_position_std_mm:.2g}")
+    return settings

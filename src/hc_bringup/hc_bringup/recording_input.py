@@ -7,6 +7,7 @@ a recording goes into the node's parameter file as it is.
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -37,7 +38,8 @@ OF_A_TABLE = (
 """What can be said of a CSV file and of recorded samples as well; the rest is for a bag with two
 sensors' topics."""
 
-_TEXT, _NUMBER, _WHOLE, _NUMBERS = "a word", "a number", "a whole number", "a list of numbers"
+_TEXT, _NUMBER, _WHOLE = "a word", "a number", "a whole number"
+_NUMBERS = "a list of numbers (0.6,0,0.8)"
 _FLAG = "true or false"
 _SENSOR = {
     "topic": _TEXT,
@@ -209,6 +211,7 @@ def check(arguments: argparse.Namespace) -> None:
     """
     file_preset.apply(arguments)
     csv_options(arguments)
+    arguments.sensors = [(name, _listed(name, value)) for name, value in arguments.sensors]
     for name, value in each_once(arguments.sensors, "--input").items():
         if name not in KIND_OF:
             raise UserError(f"--input {name} is none of {', '.join(KIND_OF)}", WRONG_USE)
@@ -262,12 +265,22 @@ def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
                 recording = less_interpolated(less_repeated(recording, sensors))
         else:
             recording = _read_sensors(arguments.input, sensors)
+        if not as_read and (line := _turning_line(arguments.input, sensors)):
+            found = recording.findings
+            found = found._replace(problems=(*found.problems, line))
+            recording = dataclasses.replace(recording, findings=found)
         recording = less_compliance(recording, mm_per_n, of_samples=as_read)
     except ValueError as error:
         raise UserError(f"--input: {error}", WRONG_USE) from error
     except BagError as error:
         raise UserError(str(error)) from error
     return from_surface(recording, mm_per_n) if arguments.find_surface else recording
+
+
+def _turning_line(path: str, sensors: Mapping[str, Any]) -> str:
+    from hc_bringup.turn_watch import bag_turning_line
+
+    return bag_turning_line(path, sensors)
 
 
 def _check_as_read(sensors: Mapping[str, Any]) -> None:
@@ -340,6 +353,16 @@ def assumed_line(displacement_mm: Any, force_n: Any, *, table: bool = False) -> 
         f"readings taken for metres and newtons: {moves_by} (if not: input.position.scale, "
         "input.force.scale)"
     )
+
+
+def _listed(name: str, value: Any) -> Any:
+    """Return numbers with commas between them, as a shell likes them, as the list that they are."""
+    if KIND_OF.get(name) is not _NUMBERS or not isinstance(value, str):
+        return value
+    try:
+        return [float(word) for word in value.split(",")]
+    except ValueError:
+        return value
 
 
 def _is(value: Any, kind: str) -> bool:

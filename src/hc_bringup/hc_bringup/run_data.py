@@ -6,6 +6,7 @@ they were recorded or are made anew, so that whatever shows them knows one form.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.run_clock import RunClock
 from hc_bringup.tip_path import TipPath, TipSource, tip_of
 from hc_estimator import PARAMETER_NAMES, EstimateSeries, Estimator, __version__
 from hc_estimator.stream.in_pieces import run_in_pieces
@@ -51,7 +53,7 @@ class RunData:
     Attributes:
         name: name of the recording.
         estimator: filter and state space.
-        time_s: since the first sample [s].
+        time_s: since the first sample [s]; where the clock was set back it goes on (run_clock.py).
         displacement_mm: measured displacement [mm]; NaN where a sample has none.
         force_n: measured force [N]; NaN where a sample has none.
         estimates: records of hc_msgs/HuntCrossleyEstimate without header, (samples,).
@@ -175,16 +177,18 @@ def recorded(recording: Recording, tip: TipSource | None = None) -> RunData | No
         versions |= {
             name: value for name, value in bag.custom_data.items() if name.endswith("version")
         }
-    return RunData(
-        name=recording.path.name,
-        estimator=estimator,
-        time_s=recording.time_s[rows] - recording.time_s[0],
-        displacement_mm=recording.displacement_mm[rows],
-        force_n=recording.force_n[rows],
-        estimates=_filled(table),
-        settings=settings,
-        versions=versions,
-        **beside,
+    return _in_one_clock(
+        RunData(
+            name=recording.path.name,
+            estimator=estimator,
+            time_s=recording.time_s[rows] - recording.time_s[0],
+            displacement_mm=recording.displacement_mm[rows],
+            force_n=recording.force_n[rows],
+            estimates=_filled(table),
+            settings=settings,
+            versions=versions,
+            **beside,
+        )
     )
 
 
@@ -233,16 +237,36 @@ def of_series(
         )
     with np.errstate(invalid="ignore", over="ignore"):  # times need not be finite
         time_s = recording.time_s - recording.time_s[0]
-    return RunData(
-        name=recording.path.name,
-        estimator=f"{estimator.filter} on {estimator.state_space}",
-        time_s=time_s,
-        displacement_mm=recording.displacement_mm,
-        force_n=recording.force_n,
-        estimates=records_of_series(series, recording.force_n, recording.sequence),
-        settings={"contact_model": estimator.contact_model, **estimator.configuration},
-        versions={"this software": __version__},
-        **beside,
+    return _in_one_clock(
+        RunData(
+            name=recording.path.name,
+            estimator=f"{estimator.filter} on {estimator.state_space}",
+            time_s=time_s,
+            displacement_mm=recording.displacement_mm,
+            force_n=recording.force_n,
+            estimates=records_of_series(series, recording.force_n, recording.sequence),
+            settings={"contact_model": estimator.contact_model, **estimator.configuration},
+            versions={"this software": __version__},
+            **beside,
+        )
+    )
+
+
+def _in_one_clock(data: RunData) -> RunData:
+    """Return a run whose times go on where the recording's clock was set back, and say so."""
+    clock = RunClock.of(data.time_s)
+    if clock.is_one:
+        return data
+    events, tip = data.events, data.tip
+    if events:
+        times = clock.of_others(np.array([event.time_s for event in events]))
+        events = tuple(e._replace(time_s=t) for e, t in zip(events, times.tolist(), strict=True))
+    return dataclasses.replace(
+        data,
+        time_s=clock.of_rows(data.time_s),
+        events=events,
+        tip=None if tip is None else tip._replace(time_s=clock.of_others(tip.time_s)),
+        findings=(*data.findings, *clock.lines()),
     )
 
 

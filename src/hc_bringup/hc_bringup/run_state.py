@@ -46,6 +46,7 @@ class RunState:
         pids: process of each node that runs, by name.
         estimator: the node whose estimates these are, with its namespace.
         others: the same of further estimators of the run, in the order of its plan.
+        estimating: whether the run has an estimator of its own.
     """
 
     statistics: EstimateStatistics
@@ -68,6 +69,7 @@ class RunState:
     pids: dict[str, int] = field(default_factory=dict)
     estimator: str = NODE_ESTIMATOR
     others: list[RunState] = field(default_factory=list)
+    estimating: bool = True
 
     def add_other(self, estimator: str, statistics: EstimateStatistics) -> None:
         """Let the run have one more estimator; what the nodes say is common to all.

@@ -92,6 +92,7 @@ class Runner:
                     diagnostics=monitor.diagnostics,
                     dropped=monitor.dropped,
                     estimator=first,
+                    estimating=bool(self._plan.of_kind(NODE_ESTIMATOR)),
                 )
                 for name in others:
                     state.add_other(name, monitor.listeners[name].statistics)

@@ -46,9 +46,10 @@ def run_summary(
     used against the measured one, without the first second of contact (see `force_error`);
     force_aligned_rmse_n is that of readings brought to the same time. silent_s says since when no
     estimate came where the run was ended in silence, None elsewhere. lost counts samples
-    that were published and for which no estimate came; None where that cannot be told. left_out
-    counts what there was a reason for: "skipped" when the estimator was behind, "alone" of a sensor
-    without the other, "before_the_first" that was heard of the rig; not_seen counts estimates that
+    that were published and for which no estimate came; None where that cannot be told, and where
+    the run has no estimator (estimating is false). left_out counts what there was a
+    reason for: "skipped" when the estimator was behind, "alone" of a sensor without the other,
+    "before_the_first" that was heard of the rig; not_seen counts estimates that
     were made and did not come here: no figure counts them. not_recorded counts messages that never
     reached the recorder: it stood still, or was behind, for longer than publishers keep them.
     failures says why the run counts as failed although it went on to its end. estimator names whose
@@ -69,6 +70,9 @@ def run_summary(
         samples = statistics.estimates + (lost or 0)
     else:
         lost = max(0, samples - statistics.estimates - state.unseen)
+    nobody_estimates = not (state.estimating or statistics.estimates)
+    if nobody_estimates:  # the hand's side of a teleoperation: none of its samples has an estimate
+        lost = None
     left_out = dict(state.left_out)
     early = statistics.first_sequence or 0  # the rig counts from 0, a player as its bag does
     if with_latency and state.samples is not None and 0 < early <= (lost or 0):
@@ -78,6 +82,7 @@ def run_summary(
         "lost": lost,
         "left_out": left_out,
         "estimates": statistics.estimates,
+        "estimating": not nobody_estimates,
         "not_seen": state.unseen,
         "rejected": dict(statistics.rejected),
         "changes_detected": statistics.changes,
@@ -254,6 +259,8 @@ def _estimator_lines(summary: dict[str, Any]) -> list[str]:
     rejected = ", ".join(f"{n} {reason}" for reason, n in summary["rejected"].items()) or "none"
     name = summary["estimator"]
     whose = f"{name}: " if "/" in name or summary["others"] else ""
+    if not summary["estimating"]:
+        return [f"{summary['samples']} samples in {summary['duration_s']:.1f} s, and no estimator"]
     lines = [
         f"{whose}{summary['estimates']} estimates of {summary['samples']} samples in "
         f"{summary['duration_s']:.1f} s; lost {_lost(summary['lost'])}, rejected {rejected}"

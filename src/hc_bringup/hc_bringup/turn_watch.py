@@ -12,7 +12,7 @@ import numpy as np
 from hc_bringup.frame_streams import FrameListener
 from hc_bringup.graph import Graph
 from hc_bringup.robot_streams import POSITIONS
-from hc_bringup.turning import turned_deg
+from hc_bringup.turning import turned_deg, turning_line
 from hc_estimator.stream.frame_poses import FramePoses
 from hc_logger.bag import Bag
 from hc_logger.bag_frames import candidates, poses_of
@@ -101,6 +101,20 @@ def bag_turn_deg(path: str | os.PathLike[str], topic: str = "", child: str = "")
             return turned_deg(_of_transforms(bag, names[0], child))
         table = records(definition, bag.columns(names[0]), dict.fromkeys(_ATTITUDE, REAL))
     return turned_deg(np.column_stack([table[field] for field in _ATTITUDE]))
+
+
+def bag_turning_line(path: str | os.PathLike[str], sensors: Mapping[str, Any]) -> str:
+    """Say of a bag that its tool turned, and what to do; empty if it did not.
+
+    Args:
+        path: a bag.
+        sensors: how it is read, by name below `input.`.
+
+    Raises:
+        BagError: if it cannot be read.
+    """
+    tool = (sensors.get("position.topic", ""), sensors.get("position.child_frame", ""))
+    return turning_line(bag_turn_deg(path, *tool))
 
 
 def _of_transforms(bag: Bag, topic: str, child: str) -> list[tuple[float, ...]]:

@@ -268,7 +268,9 @@ class _Fit:
         weights = np.ones(jacobian.shape[0])
         weights[: fitted.size] = 1.0 / spread
         information = (jacobian * weights[:, None]).T @ jacobian
-        result: FloatArray = np.sqrt(np.diag(np.linalg.pinv(information)))
+        variances = np.diag(np.linalg.pinv(information))
+        # Of readings next to free of noise nothing but rounding is left of some: no knowledge.
+        result: FloatArray = np.sqrt(np.where(variances >= 0.0, variances, np.inf))
         return result
 
     def rms_without(self, start: FloatArray) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -134,6 +134,8 @@ class Recording:
         contact_position_std_mm: standard deviation of the position that displacements count from,
             where it was looked for in this recording; else 0.
         namespace: that the samples' topic is in, as /left; empty for that of one arm.
+        found_zeros: position.zero [mm] and force.zero [N] that were looked for in this recording
+            and are taken off; empty where none were.
     """
 
     path: Path
@@ -146,6 +148,7 @@ class Recording:
     findings: Findings
     contact_position_std_mm: float = 0.0
     namespace: str = ""
+    found_zeros: dict[str, float] = field(default_factory=dict)
 
     @cached_property
     def estimates(self) -> NDArray[Any]:

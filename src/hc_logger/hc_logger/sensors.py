@@ -25,6 +25,7 @@ from hc_logger.bag_sensors import force_topics, joints_of, moving_topics, positi
 from hc_logger.decoder import decoder
 from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
+from hc_logger.press_direction import off_axis_line
 from hc_logger.recorded import Recording, findings_of
 from hc_logger.selection import full_name
 from hc_logger.sensor_clocks import why_no_pairs
@@ -123,7 +124,8 @@ def read_sensors(
             reorder_window_ns=round(pairing.reorder_window_s * 1e9),
             maximum_gap_ns=round(pairing.maximum_gap_s * 1e9),
         )
-        take_force = _force_reader(bag, force_topic, force)
+        vectors: list[Vector] = []
+        take_force = _force_reader(bag, force_topic, force, vectors)
         take_position = (
             _position_reader(bag, position_topic, position)
             if frame is None
@@ -151,6 +153,7 @@ def read_sensors(
                     samples += merger.add_displacement(stamp, value, message.log_time)
         samples += merger.flush()
         problems = list(bag.problems)
+        words = _words(bag, position_topic, position, frame)
     counters = merger.counters
     outside = min(_outside(*stamps_of), counters.unpaired)
     for count, text in (
@@ -166,12 +169,14 @@ def read_sensors(
             problems.insert(0, why)
             if len(samples) < _FEW_PAIRS:
                 samples = []
+    if line := off_axis_line(force_topic, vectors, _direction(force), force.sign):
+        problems.append(line)
     if not samples:
         why = "; ".join(problems) or "there is no reading of one of them at the time of the other"
         raise BagError(f"{path}: {force_topic} and {position_topic} give no sample: {why}")
     notes = [
         f"force along {force.axis} of {force_topic}, displacement of {position_topic}"
-        f"{_words(position, frame)}: mind their signs and zeros"
+        f"{words}: mind their signs and zeros"
     ]
     if outside > _FEW_OUTSIDE:
         notes.append(f"{outside} readings left out before the other sensor began or after it ended")
@@ -211,10 +216,11 @@ def _place(bag: Bag, position: Sensor) -> tuple[str, Frame | None]:
     return topic, None
 
 
-def _words(position: Sensor, frame: Frame | None) -> str:
+def _words(bag: Bag, topic: str, position: Sensor, frame: Frame | None) -> str:
     """Say which frame of several is read, and along what."""
     if frame is None:
-        return ""
+        joint = bag.topics[topic].definition.name == JOINT_TYPE
+        return "" if joint else f" along {position.axis}"
     base = f" in {frame.base}" if frame.base else ""
     return f" (frame {frame.name}{base} along {position.axis})"
 
@@ -251,13 +257,22 @@ def _topic(bag: Bag, name: str, types: tuple[str, ...], what: str) -> str:
 Reader = Callable[[bytes], Iterator[tuple[int, float]]]
 
 
-def _force_reader(bag: Bag, topic: str, sensor: Sensor) -> Reader:
+def _direction(sensor: Sensor) -> Vector:
+    """Return the unit vector along which a sensor is read, before its sign."""
+    mapping = make_mapping(sensor.axis, sensor.direction, 1, 1.0, 0.0)
+    x, y, z = (mapping.of_vector(*unit) for unit in ((1, 0, 0), (0, 1, 0), (0, 0, 1)))
+    return x, y, z
+
+
+def _force_reader(bag: Bag, topic: str, sensor: Sensor, vectors: list[Vector]) -> Reader:
+    """Return what reads the forces of a topic, and keeps all three components of each."""
     decode = decoder(bag.topics[topic].definition)
     mapping = make_mapping(sensor.axis, sensor.direction, sensor.sign, sensor.scale, sensor.zero)
 
     def read(data: bytes) -> Iterator[tuple[int, float]]:
         message = decode(data)
         force = message.wrench.force
+        vectors.append((force.x, force.y, force.z))
         yield _stamp(message, sensor), mapping.of_vector(force.x, force.y, force.z)
 
     return read

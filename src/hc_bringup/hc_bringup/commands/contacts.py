@@ -160,10 +160,13 @@ def run(arguments: argparse.Namespace) -> int:
         summary["sites"] = _of_sites(beside, contacts)
     if delay is not None:
         summary |= {"channel_delay_s": delay.seconds, "channel_delay_std_s": delay.deviation_s}
-    if arguments.maps:
-        summary |= _write_maps(arguments, data, contacts, written)
     summary["written"] = written
-    _tell(summary, as_json=arguments.json)
+    try:
+        if arguments.maps:
+            summary |= _write_maps(arguments, data, contacts, written)
+    finally:  # where no map can be drawn, the table is there all the same
+        if written:
+            _tell(summary, as_json=arguments.json)
     return 0
 
 

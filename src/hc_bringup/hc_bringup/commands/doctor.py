@@ -39,12 +39,15 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; status 1 where something is wrong."""
     from hc_bringup.diagnosis import Finding, diagnose
     from hc_bringup.live_check import listen, said_once, too_short_wait
+    from hc_bringup.read_otherwise import settings_that_repeat
     from hc_bringup.reading_changes import (
         change_lines,
         judged_line,
         longest_stretch,
         surface_std_at,
     )
+    from hc_bringup.turn_watch import bag_turning_line
+    from hc_logger.errors import BagError
 
     notes: tuple[str, ...] = ()
     if arguments.input in (None, "live"):
@@ -69,12 +72,16 @@ def run(arguments: argparse.Namespace) -> int:
         # Rows with one reading are nothing wrong, and notes say how the recording was read.
         wrong = reading._replace(force_alone=0, displacement_alone=0, notes=())
         findings = [Finding(line) for line in wrong.lines()]
-        if recording.is_bag and (line := _turning_line(arguments)):
-            if recording_input.reads_samples(arguments):  # which say not how they were made
+        # Of sensors that are read along one axis it is among what was read; samples say not how
+        # they were made.
+        if recording.is_bag and recording_input.reads_samples(arguments):
+            try:
+                line = bag_turning_line(arguments.input, dict(arguments.sensors))
+            except BagError as error:
+                raise UserError(str(error)) from error
+            if line:
                 line = f"unless its samples were read along the surface's normal: {line}"
                 notes = (*notes, line)
-            else:
-                findings.append(Finding(line))
         rows = (recording.time_s, recording.displacement_mm, recording.force_n)
         surface_std_mm, force_limit_n = recording.surface_std_mm, math.inf
         channel_delay = recording_input.known_delay(arguments, recording)
@@ -91,7 +98,8 @@ def run(arguments: argparse.Namespace) -> int:
                 *change_lines(changes, int(recording.stamps[0])),
                 judged_line(stretch),
             )
-        settings, type_it = dict(arguments.sensors), _for_recording(arguments, recording)
+        settings = settings_that_repeat(dict(arguments.sensors), recording)
+        type_it = _for_recording(arguments, recording)
         where = f"{name_of(arguments)}, {len(recording.time_s)} samples"
     diagnosis = None
     if rows is not None:
@@ -112,20 +120,6 @@ def run(arguments: argparse.Namespace) -> int:
             say(f"{where.partition(',')[0]}: {note}")
         _print(where, findings, diagnosis, settings, type_it)
     return FAILURE if findings else 0
-
-
-def _turning_line(arguments: argparse.Namespace) -> str:
-    """Say of a bag that its tool turned, whose readings may be along one axis of each sensor."""
-    from hc_bringup.turn_watch import bag_turn_deg
-    from hc_bringup.turning import turning_line
-    from hc_logger.errors import BagError
-
-    given = dict(arguments.sensors)
-    tool = (given.get("position.topic", ""), given.get("position.child_frame", ""))
-    try:
-        return turning_line(bag_turn_deg(arguments.input, *tool))
-    except BagError as error:
-        raise UserError(str(error)) from error
 
 
 def _of_one_message(finding: Any) -> Any:
@@ -204,6 +198,7 @@ def apply(present: dict[str, Any], correction: dict[str, Any]) -> dict[str, Any]
         correction: what the readings made with them are to be multiplied by or shifted by.
     """
     from hc_bringup.terminal.numbers import rounded
+    from hc_estimator.stream.vocabulary import CONTACT_POSITION_STD
 
     changed: dict[str, Any] = {}
     for name, value in correction.items():
@@ -215,6 +210,9 @@ def apply(present: dict[str, Any], correction: dict[str, Any]) -> dict[str, Any]
             zero = present.get(f"{sensor}.zero", 0.0)
             if zero:
                 changed[f"{sensor}.zero"] = rounded(zero * value, 4)
+            if sensor == "position" and CONTACT_POSITION_STD in present:
+                deviation_mm = abs(present[CONTACT_POSITION_STD] * value)
+                changed[CONTACT_POSITION_STD] = float(f"{deviation_mm:.2g}")
         else:
             changed[name] = rounded(present.get(name, 0.0) + value, 4)
     present.update(changed)

@@ -279,6 +279,8 @@ def _units(depth: FloatArray, newtons: FloatArray, related: float) -> list[Suspi
             f"{readings} is no soft tissue, but would be if the {channel} were in {unit}: scale it "
             f"by {factor:g} ({name}.scale)"
         )
+        if unit == "micrometres":  # a table's unit is mm, a topic's m
+            sentence += "; of a topic that is in millimetres, not metres"
         if channel == "force" and possible(stroke, peak * GRAM_FORCE):
             sentence += f", or in gram-force: by {GRAM_FORCE:.3g}"
         return [Suspicion(Check.UNITS, channel, sentence, factor)]

@@ -166,7 +166,7 @@ def propose(
         force, repeated[0] = _each_once(force)
         position, repeated[1] = _each_once(position)
     resting = None if rest_s is None else force.time_s <= rest_s
-    push = _main_direction(force.values)
+    push = main_direction(force.values)
     pushed = force.values @ push
     low, high = robust_range(pushed)
     noise_n = noise(pushed)
@@ -271,7 +271,7 @@ def _at_own_stamps(
     return time_s, displacement, force
 
 
-def _main_direction(values: FloatArray) -> FloatArray:
+def main_direction(values: FloatArray) -> FloatArray:
     """Return the unit vector along which vectors change most, spikes apart."""
     centred = values - np.median(values, axis=0)
     size = np.linalg.norm(centred, axis=1)

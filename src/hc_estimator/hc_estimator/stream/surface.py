@@ -15,6 +15,7 @@ that is not quite that of the tissue), and how the speed was told from the displ
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -309,11 +310,44 @@ def find_surface(displacement_mm: FloatArray, force_n: FloatArray) -> TareResult
     """
     for enough in (ENOUGH, *LESS):
         result, finder = _first_approach(displacement_mm, force_n, enough)
-        if result is not None and (enough == ENOUGH or _is_lowest(result, force_n)):
+        if result is not None and enough == ENOUGH:
+            return _from_the_air(result, displacement_mm, force_n)
+        if result is not None and _is_lowest(result, force_n):
             return result
         if finder.strongest < LESS[-1]:
             break
     return None
+
+
+def _from_the_air(
+    first: TareResult, displacement_mm: FloatArray, force_n: FloatArray
+) -> TareResult:
+    """Return a later approach if the first one began at rest in the tissue, else that.
+
+    It began there if a later one begins at less force and finds the surface less deep: a sensor
+    that drifts leaves the surface where it is, and tissue that pulls leaves both.
+    """
+    if _is_lowest(first, force_n):
+        return first
+    for enough in (ENOUGH, *LESS):
+        for other in _approaches(displacement_mm, force_n, enough):
+            lower = first.force_n - other.force_n > CLEAR * first.force_std_n
+            spread = math.hypot(first.displacement_std_mm, other.displacement_std_mm)
+            if lower and first.displacement_mm - other.displacement_mm > CLEAR * spread:
+                return other
+    return first
+
+
+def _approaches(
+    displacement_mm: FloatArray, force_n: FloatArray, enough: float
+) -> Iterator[TareResult]:
+    """Yield what each press of so many noises shows."""
+    finder = SurfaceFinder(enough=enough, twice=False)
+    for displacement, force in zip(displacement_mm.tolist(), force_n.tolist(), strict=True):
+        result = finder.add(displacement, force)
+        if result is not None:
+            yield result
+            finder = SurfaceFinder(enough=enough, twice=False)
 
 
 def _is_lowest(found: TareResult, force_n: FloatArray) -> bool:
