@@ -181,3 +181,24 @@ def test_the_estimates_of_many_channels_say_what_they_are_and_make_a_table():
     one = estimates[2].columns()
     for name, column in table.items():
         np.testing.assert_array_equal(column[2], one[name])
+
+
+@pytest.mark.parametrize("chosen", [slice(0, 2), [0, 1], np.array([True, True, False])])
+def test_several_channels_are_chosen_as_by_numpy(chosen):
+    """They came as one series with an axis too many, whose text was a TypeError."""
+    time, depths, forces = presses(samples=30)
+    estimates = hc.EstimatorArray("ekf", CHANNELS).run(time, depths, forces)
+    if isinstance(chosen, np.ndarray):
+        chosen = np.resize([True, True, *[False] * CHANNELS], CHANNELS)
+    two = estimates[chosen]
+    assert repr(two) == "EstimatesOfChannels(2 channels, 30 samples)"
+    np.testing.assert_array_equal(two[1].parameters, estimates[1].parameters)
+    np.testing.assert_array_equal(two[np.int64(-1)].parameters, estimates[1].parameters)
+
+
+@pytest.mark.parametrize("wrong", [(1, 2), True, "all", 1.0])
+def test_what_chooses_no_channel_is_a_type_error(wrong):
+    time, depths, forces = presses(samples=30)
+    estimates = hc.EstimatorArray("ekf", CHANNELS).run(time, depths, forces)
+    with pytest.raises(TypeError, match="chosen by a whole number"):
+        estimates[wrong]

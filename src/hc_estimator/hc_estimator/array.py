@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +21,7 @@ from hc_estimator.filters.registry import FILTERS
 from hc_estimator.given_arrays import as_numbers
 from hc_estimator.kinds import DEFAULT_CONTACT_MODEL, DEFAULT_STATE_SPACE
 from hc_estimator.late_readings import LateReadings
+from hc_estimator.series_table import chosen_by
 from hc_estimator.specification import ParameterSpecification, ParameterValue
 
 Array = NDArray[np.float64]
@@ -33,9 +35,14 @@ class EstimatesOfChannels(EstimateSeries):
 
     __slots__ = ()
 
-    def __getitem__(self, index: int) -> EstimateSeries:  # type: ignore[override]
-        """The series of one of the channels."""
-        return EstimateSeries(self._rows[index])
+    @overload  # type: ignore[override]
+    def __getitem__(self, index: int | np.integer[Any]) -> EstimateSeries: ...
+    @overload
+    def __getitem__(self, index: slice | NDArray[Any] | list[Any]) -> EstimatesOfChannels: ...
+    def __getitem__(self, index: Any) -> EstimateSeries | EstimatesOfChannels:
+        """Return the series of one of the channels, or of several, chosen as by numpy."""
+        rows = self._rows[chosen_by(index)]
+        return EstimateSeries(rows) if rows.ndim < self._rows.ndim else EstimatesOfChannels(rows)
 
     def __repr__(self) -> str:
         channels, samples, _columns = self._rows.shape
