@@ -66,7 +66,7 @@ def averaged(zeros, possible, known=(0.0, 0.0)):
         factors.append(log_density(value, covariance + prior) - none)
         squares.append(free @ (prior - gain @ prior + np.outer(mean, mean)) @ free)
     largest = max(factors, default=-np.inf)
-    if largest <= np.log(zero_average.POSITIVE):
+    if largest <= np.log(zero_average.BEGINS):
         return np.zeros((4, 4)), np.zeros(2), largest
     weights = np.exp(np.array(factors) - largest)
     weights /= np.exp(-largest) + sum(weights)
@@ -97,10 +97,10 @@ def test_the_doubt_is_the_average_over_what_may_be_off(possible, known):
         assert 20 < doubted < 180
 
 
-def test_a_doubt_lasts_until_exact_zeros_are_likelier():
+def test_a_doubt_lasts_until_exact_zeros_are_twice_as_likely():
     zeros = of_fit(np.random.default_rng(0), 0.5, (0.0, 0.0))
     zeros["covariance"][:2, :2] = np.diag([0.04, 0.02]) ** 2
-    for deviations, doubted in ((2.0, False), (3.0, True), (2.0, True), (1.0, False), (2.0, False)):
+    for deviations, doubted in ((2.0, False), (2.25, True), (1.5, True), (1.0, False), (2.0, False)):
         zeros["position"] = 0.04 * deviations
         zero_average.doubt(settings_of(), zeros, OF_POSITION, LARGEST, False)
         assert bool(zeros["doubt"][0, 0] > 0.0) is doubted, deviations

@@ -10,8 +10,9 @@ one of 32 Hz in all of the time, and in 86 %.)
 So the same differences are taken of means of two, four, eight and more readings, up to 8 ms: white
 noise says the same there. What the largest of them says beyond the readings' own differences, and
 beyond chance, is the factor by which the noise counts. Forces and places that a tool makes are
-smooth over 70 ms but for where it touches and leaves the tissue: there everything begins anew.
-(Ours; a bank of octaves, as the Allan variance is, IEEE Std 952.)
+smooth over 70 ms but for corners: where it touches and leaves the tissue the force's octaves begin
+anew, and what is far beyond the noise known so far is a corner as well, behind which an octave goes
+on. (Ours; a bank of octaves, as the Allan variance is, IEEE Std 952.)
 """
 
 from __future__ import annotations
@@ -21,17 +22,21 @@ from typing import Any
 
 import numpy as np
 
-from hc_estimator.adaptation.difference_noise import LARGEST_RATIO, ORDER, VARIANCE, WEIGHTS
+from hc_estimator.adaptation.difference_noise import ORDER, VARIANCE, WEIGHTS
 from hc_estimator.compilation import compiled
 from hc_estimator.memory import Field, record_type
 
 OCTAVES = 6  # 2 to 64 readings: 8 ms at 7 kHz
 WIDEST = 0.0085  # time between two means, at most [s]
 MEMORY = 500.0  # differences of means that are averaged
-FIRST = 16  # differences from which on one is limited against the mean
+FIRST = 16  # differences that make a mean
+CORNER = 9.0  # of one squared difference against the mean, from which on it is of a corner
+CORNERS = 3  # in a row that are none: the noise is another
 # One over the share of eighth differences that are independent: sum of their squared correlations.
 DEPENDENT = 4.4
-SURELY = 4.0  # deviations of a ratio beyond which noise is not white
+# Deviations beyond which noise is not white, of the cube root of a mean square, which is next to
+# normal (Wilson and Hilferty, PNAS 17, 1931).
+SURELY = 4.0
 
 COLOR = record_type(
     (
@@ -41,7 +46,8 @@ COLOR = record_type(
         Field("following", np.int64, (OCTAVES,), 0, ORDER + 1),  # of them, that follow one another
         Field("variance", np.float64, (OCTAVES,), 0.0),  # of white noise that would say the same
         Field("count", np.int64, (OCTAVES,), 0),  # differences that it is of
-        Field("touches", np.int64, (), 0, 1),  # 1 while the tool is in contact
+        Field("touches", np.int64, (), 0, 1),
+        Field("corners", np.int64, (OCTAVES,), 0, CORNERS),  # in a row
     )
 )
 
@@ -51,6 +57,7 @@ def restart(color: Any) -> None:
     """Forget what was said."""
     for k in range(OCTAVES):
         color.count[k] = 0
+        color.corners[k] = 0
     interrupt(color)
 
 
@@ -70,7 +77,7 @@ def learn(color: Any, channel: Any, reading: float, touches: bool) -> None:
         color: changed.
         channel: record of the same channel in `difference_noise`.
         reading: displacement [mm] or force [N].
-        touches: True while the tool is in contact.
+        touches: True while a force is felt; where that changes nothing is compared.
     """
     if channel.jumped != 0:
         restart(color)
@@ -105,11 +112,28 @@ def _take_mean(color: Any, k: int, value: float) -> None:
     for i in range(ORDER + 1):
         difference += WEIGHTS[i] * means[i]
     variance = 2.0 ** (k + 1) * difference * difference / VARIANCE
+    if color.count[k] > FIRST and variance > CORNER * color.variance[k]:
+        color.following[k] = 0
+        color.corners[k] += 1
+        if color.corners[k] < CORNERS:
+            return
+        color.count[k] = 0
+    color.corners[k] = 0
     color.count[k] += 1
     before = color.variance[k] if color.count[k] > 1 else 0.0
-    if color.count[k] > FIRST:
-        variance = min(variance, LARGEST_RATIO * before)
     color.variance[k] = before + (variance - before) / min(float(color.count[k]), MEMORY)
+
+
+@compiled
+def of_means(color: Any, channel: Any, variance: float) -> float:
+    """Variance that counts in means of readings; 0 for white noise, of which they tell themselves.
+
+    Args:
+        color: of the channel.
+        channel: its record in `difference_noise`.
+        variance: in use.
+    """
+    return variance if factor(color, channel) > 1.0 else 0.0
 
 
 @compiled
@@ -119,8 +143,8 @@ def factor(color: Any, channel: Any) -> float:
     for k in range(OCTAVES):
         if color.count[k] <= FIRST:
             break
-        spread = math.sqrt(2.0 * DEPENDENT / min(float(color.count[k]), MEMORY))
+        spread = 2.0 * DEPENDENT / (9.0 * min(float(color.count[k]), MEMORY))
         ratio = color.variance[k] / channel.mean
-        if ratio > 1.0 + SURELY * spread:
+        if ratio > (1.0 - spread + SURELY * math.sqrt(spread)) ** 3:
             largest = max(largest, ratio)
     return largest

@@ -95,14 +95,15 @@ def scatter_of(window: Any) -> float:
 
 
 @compiled
-def variance_of_mean(window: Any, noise: float) -> float:
-    """Variance of the mean force [N^2]: readings that go together scatter less than their mean.
+def variance_of_mean(window: Any, of_means: float) -> float:
+    """Variance of the mean force [N^2].
 
     Args:
         window: of readings.
-        noise: variance of the force that counts for what moves as a tool does [N^2].
+        of_means: variance of a reading that counts in it, where these go together
+            (`noise_color.of_means`) [N^2].
     """
-    return max(scatter_of(window), noise) / window.count  # type: ignore[no-any-return]
+    return max(scatter_of(window), of_means) / window.count  # type: ignore[no-any-return]
 
 
 @compiled
@@ -126,12 +127,15 @@ def would_show(window: Any, slope: float) -> bool:
 
 
 @compiled
-def zero_of(window: Any, noise: float, place_variance: float) -> tuple[float, float]:
+def zero_of(
+    window: Any, noise: float, of_means: float, place_variance: float
+) -> tuple[float, float]:
     """What the force's zero is if a tool that seems to be outside is, and its deviation [N].
 
     Args:
         window: of readings outside.
         noise: variance of the force [N^2].
+        of_means: as in `variance_of_mean` [N^2].
         place_variance: of a place [mm^2].
 
     Returns:
@@ -141,4 +145,4 @@ def zero_of(window: Any, noise: float, place_variance: float) -> tuple[float, fl
         return 0.0, math.inf
     if not (is_calm(window, noise, WILDEST) and stays_the_same(window)):
         return 0.0, math.inf
-    return window.mean[1], math.sqrt(variance_of_mean(window, noise))
+    return window.mean[1], math.sqrt(variance_of_mean(window, of_means))

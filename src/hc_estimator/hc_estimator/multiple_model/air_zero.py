@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from hc_estimator.adaptation import noise_color
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import air_window, place_delay, zero_moves
 from hc_estimator.multiple_model import history as histories
@@ -141,7 +142,8 @@ def _conclude(bank: Any, time: float) -> None:
     calm = air_window.is_calm(window, noise[1], WILDEST)
     if calm and not shown and air.travelled == 0 and air.time < FORGETTING:
         return
-    variance = air_window.variance_of_mean(window, noise[1])
+    of_means = noise_color.of_means(bank.color[1], bank.noise[1], noise[1])
+    variance = air_window.variance_of_mean(window, of_means)
     if shown:
         air.travelled = 1 if calm and air_window.stays_the_same(window) else 0
     if calm and air.travelled != 0:

@@ -72,7 +72,7 @@ def start(settings: Any, bank: Any) -> None:
     take_noise(settings, bank)
     for i in range(2):
         difference_noise.restart(bank.noise[i])
-    noise_color.restart(bank.force_color)
+        noise_color.restart(bank.color[i])
     motion_density.reset(bank.motion)
     tempering.reset(bank.tool)
     bank.tool.away_time = 0.0

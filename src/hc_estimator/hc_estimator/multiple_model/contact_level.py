@@ -118,8 +118,8 @@ def is_air(onset: Any, noise: Any, sure: float) -> bool:
         return False
     if not air_window.is_calm(inside, onset.inside_variance, WILDEST):
         return False
-    variance = air_window.variance_of_mean(inside, onset.inside_variance)
-    onset.level_deviation = math.sqrt(variance)
+    scatter = air_window.scatter_of(inside)
+    onset.level_deviation = math.sqrt(scatter / inside.count)
     if not air_window.stays_the_same(inside):
         return False
     if mean[0] <= 0.0 or mean[1] < SIGNIFICANT * onset.level_deviation:
@@ -160,8 +160,7 @@ def is_floor(onset: Any, noise: Any, sure: float) -> bool:
         return False
     if not air_window.stays_the_same(inside) or _may_be_tissue(onset, level):
         return False
-    variance = air_window.variance_of_mean(inside, onset.inside_variance)
-    before = onset.floor_variance
+    variance, before = air_window.scatter_of(inside) / inside.count, onset.floor_variance
     off = level - onset.floor
     again = before > 0.0 and off * off < SAME * SAME * (variance + before)
     share = before / (before + variance) if again else 1.0

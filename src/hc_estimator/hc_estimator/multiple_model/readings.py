@@ -111,6 +111,7 @@ def learn(settings: Any, bank: Any, time: float) -> None:
     clock = bank.clock
     broken = clock.restart != 0
     if settings.noise_adaptation == DIFFERENCES:
+        pushes = bank.rows[bank.judge.chosen].predicted_force > 0.0
         for i in range(2):
             if clock.present[i] != 0:
                 floor = settings.displacement_noise_floor
@@ -118,9 +119,8 @@ def learn(settings: Any, bank: Any, time: float) -> None:
                     floor = _force_floor(settings, bank)
                 reading = clock.measurement[i]
                 difference_noise.learn(settings, bank.noise[i], time, reading, broken, floor)
-        if clock.present[1] != 0:
-            touches = bank.rows[bank.judge.chosen].predicted_force > 0.0
-            noise_color.learn(bank.force_color, bank.noise[1], clock.measurement[1], touches)
+                # A place has no corner where the tool touches.
+                noise_color.learn(bank.color[i], bank.noise[i], reading, pushes or i == 0)
         _follow_noise(bank)
     chosen = bank.rows[bank.judge.chosen]
     if settings.motion_adaptation != 0 and clock.present[0] != 0:
@@ -151,8 +151,7 @@ def _follow_noise(bank: Any) -> None:
         if noise[i].count == 0:
             continue
         variance = difference_noise.cautious(noise[i])
-        if i == 1:
-            variance *= noise_color.factor(bank.force_color, noise[1])
+        variance *= noise_color.factor(bank.color[i], noise[i])
         latest = difference_noise.latest(noise[i])
         if noise[i].count > first and latest > SUDDEN * variance:
             variance = latest

@@ -351,7 +351,7 @@ BANK: tuple[Field, ...] = (
     Field("guessed", np.int64, (), 0, 1),  # 1 once a contact has set the first guess of K
     Field("contact_readings", np.int64, (), 0, 3),  # readings in a row with a force, up to three
     Field("motion_anew", np.int64, (), 0, 1),  # 1 if the motion starts anew at the next sample
-    Field("force_color", COLOR),
+    Field("color", COLOR, (2,)),
     Field("sensor_noise", np.float64, (2,), 0.0),  # variances in use [mm^2], [N^2]
     Field("noise", NOISE, (2,)),
     Field("motion", MOTION),

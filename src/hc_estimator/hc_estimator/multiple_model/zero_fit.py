@@ -19,8 +19,10 @@ goes with the estimate, by how much the K, B, n and p of the fit depend on them 
 `zero_doubt` gives it out).
 
 A law that does not fit real tissue would find zeros as well that make it fit better. So zeros move
-only where the law then fits to within the noise of the sensors: where no law does, nothing is
-concluded, unless a fit leaves a hundredth of what that law misses, and next to noise.
+only where the law then leaves no more than three times the noise of the sensors: where no law does,
+nothing is concluded. Where it leaves more than the noise, as of points whose velocities are off by
+more than they say (a pose of 100 Hz that shakes at 7 Hz), what it says is as much less certain
+(Birge's ratio, Phys. Rev. 40, 1932), and has to be more significant by that.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from hc_estimator.adaptation import noise_color
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector, copy_matrix, copy_vector
 from hc_estimator.multiple_model import (
@@ -79,8 +82,7 @@ SPECIFICATIONS = (
     ),
 )
 
-NEARLY = 3.0  # squares left, in those of the noise, up to which a fit may explain next to all
-LEAST_SHARE = 0.01  # of what the row in charge misses, that such a fit leaves
+NEARLY = 3.0  # squares left, in those of the noise, up to which a fit explains the points
 REFUTED = 6.0  # the same, at which zeros that were found are taken back
 FEWEST_WINDOWS = 4  # of the delay before a zero is looked for
 EVERY = 1.0  # time in contact between two fits [s]
@@ -249,7 +251,9 @@ def _fit_any(settings: Any, bank: Any, possible: int) -> bool:
     breathes = breathes and possible & OF_FORCE != 0
     air = 0.0, math.inf
     if possible & OF_FORCE != 0:
-        air = air_window.zero_of(bank.air.window, bank.sensor_noise[1], bank.air.place_variance)
+        noise, place = bank.sensor_noise[1], bank.air.place_variance
+        of_means = noise_color.of_means(bank.color[1], bank.noise[1], noise)
+        air = air_window.zero_of(bank.air.window, noise, of_means, place)
     rival -= 0.5 * (air[0] / air[1]) ** 2
     for kind in (STAYS, SINKS, MOVES, VARIES):
         if kind == MOVES and not breathes:
@@ -278,10 +282,9 @@ def _fit_any(settings: Any, bank: Any, possible: int) -> bool:
 
 @compiled
 def _explains(settings: Any, bank: Any) -> bool:
-    """Fit from fit.values on; False if more than noise is left, or next to nothing else.
+    """Fit from fit.values on; False if far more than noise is left.
 
-    Of sensors that are better than the parabolas of a quick tap, half as much again is left with
-    the right zeros, where the zeros as given leave ten thousand times as much.
+    How much that is beyond noise alone goes into what the fit claims to know of the zeros.
     """
     zeros, fit, noise = bank.zeros, bank.fit, histories.noise_of_points(bank)
     squares = solve_least_squares(settings, bank.history, fit, noise)
@@ -290,9 +293,8 @@ def _explains(settings: Any, bank: Any) -> bool:
     zeros.squares = squares
     left = squares / fit.expected
     zeros.misfit = min(zeros.misfit, left)
-    missed = max(left - 1.0, 0.0) * noise[1] * noise[2]
-    by_all = bank.rows[bank.judge.chosen].model_error
-    return bool(left < CONSISTENT or (left < NEARLY and missed < LEAST_SHARE * by_all))
+    zeros.inflation = left if left > CONSISTENT else 1.0
+    return bool(left < NEARLY)
 
 
 @compiled

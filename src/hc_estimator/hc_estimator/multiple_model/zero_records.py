@@ -44,6 +44,7 @@ ZEROS = record_type(
         Field("change", np.float64, (4,)),
         Field("square", np.float64, (2, 2)),  # mean squares of zeros that may be off
         Field("cost", np.float64, (8,), finite=False),  # of each choice of unknowns
+        Field("inflation", np.float64, (), 0.0),  # of the covariance of the last fit
         Field("squares", np.float64, (), 0.0),  # least squares that the last fit left
         Field("misfit", np.float64, (), finite=False),  # least squares left over the noise's
     )
