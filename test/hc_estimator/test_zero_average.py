@@ -100,7 +100,13 @@ def test_the_doubt_is_the_average_over_what_may_be_off(possible, known):
 def test_a_doubt_lasts_until_exact_zeros_are_twice_as_likely():
     zeros = of_fit(np.random.default_rng(0), 0.5, (0.0, 0.0))
     zeros["covariance"][:2, :2] = np.diag([0.04, 0.02]) ** 2
-    for deviations, doubted in ((2.0, False), (2.25, True), (1.5, True), (1.0, False), (2.0, False)):
+    for deviations, doubted in (
+        (2.0, False),
+        (2.25, True),
+        (1.5, True),
+        (1.0, False),
+        (2.0, False),
+    ):
         zeros["position"] = 0.04 * deviations
         zero_average.doubt(settings_of(), zeros, OF_POSITION, LARGEST, False)
         assert bool(zeros["doubt"][0, 0] > 0.0) is doubted, deviations

@@ -188,4 +188,4 @@ def test_what_is_given_goes_before_the_preset(tmp_path, capsys):
     press(path, *FILES["bench_indenter"])
     words = ["--preset", "robots/bench_indenter", "--input", "force.sign=1", "--json"]
     assert main(["estimate", str(path), *words]) == 1
-    assert "does not go from free motion into contact" in capsys.readouterr().err
+    assert "as the displacement grows: it reads a push" in capsys.readouterr().err
