@@ -28,8 +28,10 @@ from hc_estimator.memory import Field, record_type
 
 OCTAVES = 6  # 2 to 64 readings: 8 ms at 7 kHz
 WIDEST = 0.0085  # time between two means, at most [s]
-MEMORY = 500.0  # differences of means that are averaged
-FIRST = 16  # differences that make a mean
+BLOCK = 64  # differences of means that are averaged
+BLOCKS = 8  # averages, of which the median counts: what a tool does at once spoils one or two
+FEWEST = 3  # of them that say something
+MEDIAN = 0.64  # information of a median over that of a mean
 CORNER = 9.0  # of one squared difference against the mean, from which on it is of a corner
 CORNERS = 3  # in a row that are none: the noise is another
 # One over the share of eighth differences that are independent: sum of their squared correlations.
@@ -44,8 +46,12 @@ COLOR = record_type(
         Field("waits", np.int64, (OCTAVES,), 0, 1),  # 1 where there is one
         Field("means", np.float64, (OCTAVES, ORDER + 1)),  # the last ones, oldest first
         Field("following", np.int64, (OCTAVES,), 0, ORDER + 1),  # of them, that follow one another
+        # In the present block: sum of the squares, and their number.
+        Field("squares", np.float64, (OCTAVES,), 0.0),
+        Field("taken", np.int64, (OCTAVES,), 0, BLOCK),
+        Field("blocks", np.float64, (OCTAVES, BLOCKS), 0.0),  # ring of their means
+        Field("count", np.int64, (OCTAVES,), 0),  # blocks so far
         Field("variance", np.float64, (OCTAVES,), 0.0),  # of white noise that would say the same
-        Field("count", np.int64, (OCTAVES,), 0),  # differences that it is of
         Field("touches", np.int64, (), 0, 1),
         Field("corners", np.int64, (OCTAVES,), 0, CORNERS),  # in a row
     )
@@ -57,6 +63,9 @@ def restart(color: Any) -> None:
     """Forget what was said."""
     for k in range(OCTAVES):
         color.count[k] = 0
+        color.variance[k] = 0.0
+        color.squares[k] = 0.0
+        color.taken[k] = 0
         color.corners[k] = 0
     interrupt(color)
 
@@ -111,17 +120,35 @@ def _take_mean(color: Any, k: int, value: float) -> None:
     difference = 0.0
     for i in range(ORDER + 1):
         difference += WEIGHTS[i] * means[i]
-    variance = 2.0 ** (k + 1) * difference * difference / VARIANCE
-    if color.count[k] > FIRST and variance > CORNER * color.variance[k]:
+    square = 2.0 ** (k + 1) * difference * difference / VARIANCE
+    if color.variance[k] > 0.0 and square > CORNER * color.variance[k]:
         color.following[k] = 0
-        color.corners[k] += 1
+        color.corners[k] = min(color.corners[k] + 1, CORNERS)
         if color.corners[k] < CORNERS:
             return
-        color.count[k] = 0
-    color.corners[k] = 0
-    color.count[k] += 1
-    before = color.variance[k] if color.count[k] > 1 else 0.0
-    color.variance[k] = before + (variance - before) / min(float(color.count[k]), MEMORY)
+    else:
+        color.corners[k] = 0
+    color.squares[k] += square
+    color.taken[k] += 1
+    if color.taken[k] == BLOCK:
+        color.blocks[k, color.count[k] % BLOCKS] = color.squares[k] / BLOCK
+        color.count[k] += 1
+        color.squares[k] = 0.0
+        color.taken[k] = 0
+        color.variance[k] = _median(color.blocks[k], min(color.count[k], BLOCKS))
+
+
+@compiled
+def _median(values: Any, count: int) -> float:
+    """Median of the first values; of an even number the lower one."""
+    for i in range(count):
+        lower, equal = 0, 0
+        for j in range(count):
+            lower += 1 if values[j] < values[i] else 0
+            equal += 1 if values[j] == values[i] else 0
+        if 2 * lower < count and 2 * (lower + equal) >= count:
+            return values[i]  # type: ignore[no-any-return]
+    return 0.0
 
 
 @compiled
@@ -141,9 +168,10 @@ def factor(color: Any, channel: Any) -> float:
     """By how much the noise's variance is larger, for what moves as a tool does, than it seems."""
     largest = 1.0
     for k in range(OCTAVES):
-        if color.count[k] <= FIRST:
+        if color.count[k] < FEWEST:
             break
-        spread = 2.0 * DEPENDENT / (9.0 * min(float(color.count[k]), MEMORY))
+        freedom = MEDIAN * BLOCK / DEPENDENT * min(color.count[k], BLOCKS)
+        spread = 2.0 / (9.0 * freedom)
         ratio = color.variance[k] / channel.mean
         if ratio > (1.0 - spread + SURELY * math.sqrt(spread)) ** 3:
             largest = max(largest, ratio)
