@@ -344,28 +344,6 @@ def test_how_a_csv_is_written_says_nothing_of_a_bag(capsys, tmp_path: Path) -> N
     assert "--topic is for a bag" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("decimal: ';'", "a point or a comma"),
-        ("rate: -5", "a number > 0"),
-        ("rate: .inf", "a number > 0"),
-        ("rate: .nan", "a number > 0"),
-        ("header_lines: -1", "a whole number >= 0"),
-        ("find_surface: 'no'", "true or false"),
-    ],
-)
-def test_a_preset_says_what_the_option_may(press_table, tmp_path, capsys, text, says) -> None:
-    """Regression: a rate of -5 was one, and find_surface: 'no' looked for it."""
-    preset = tmp_path / "preset.yaml"
-    preset.write_text(f"{text}\n")
-    table = press_table("table.csv", lambda t, d, f: (t, d, f))
-    assert main(["estimate", str(table), "--preset", str(preset)]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert says in error
-
-
 def test_a_channel_of_a_table_that_is_repeated_counts_once(press_table, tmp_path) -> None:
     stepped = {"last": (0.0, 0.0)}
 

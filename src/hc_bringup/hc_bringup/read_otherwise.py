@@ -42,7 +42,7 @@ def read_as(recording: Any, settings: Mapping[str, Any]) -> Any:
         ),
         settings,
     )
-    read = _each_once(read, settings)
+    read = each_once(read, settings)
     offsets = [settings.get(f"{name}.time_offset", 0.0) for name in ("position", "force")]
     if offsets[0] == offsets[1] == 0.0:
         return read
@@ -132,17 +132,14 @@ def _range(values: Any) -> float:
     return high - low
 
 
-def _each_once(recording: Any, settings: Mapping[str, Any]) -> Any:
+def each_once(recording: Any, settings: Mapping[str, Any]) -> Any:
     """Return a table without the readings that a channel only repeats, where one is said to."""
-    import numpy as np
-
-    from hc_estimator.stream.repeats import new_readings
+    from hc_estimator.stream.repeats import once_each
 
     changed = {}
     for channel, column in (("position", "displacement_mm"), ("force", "force_n")):
         if settings.get(f"{channel}.held", False):
-            values = getattr(recording, column)
-            changed[column] = np.where(new_readings(recording.stamps, values), values, np.nan)
+            changed[column] = once_each(recording.stamps, getattr(recording, column))
     return dataclasses.replace(recording, **changed) if changed else recording
 
 

@@ -18,12 +18,12 @@ def less_repeated(recording: Any, settings: Mapping[str, Any]) -> Any:
     """
     import numpy as np
 
+    from hc_bringup.read_otherwise import each_once
     from hc_estimator.stream.channel_checks import held
     from hc_estimator.stream.readings import Readings
-    from hc_estimator.stream.repeats import new_readings
     from hc_estimator.stream.stamp_checks import rate_of
 
-    changed, notes = {}, []
+    found, notes = {}, []
     for name, column in (("displacement", "displacement_mm"), ("force", "force_n")):
         setting = "position.held" if name == "displacement" else "force.held"
         if setting in settings:
@@ -34,14 +34,12 @@ def less_repeated(recording: Any, settings: Mapping[str, Any]) -> Any:
         _sentence, repeats = held(Readings(name, "", time_s, values[there]))
         if np.isnan(repeats):
             continue
-        kept = values.copy()
-        kept[there[~new_readings(recording.stamps[there], values[there])]] = np.nan
-        changed[column] = kept
+        found[setting] = True
         notes.append(
             f"the {name} repeats readings of {rate_of(time_s) / repeats:.4g} Hz: each counts once "
             f"(--input {setting}=false: all of them)"
         )
-    return _with_readings(recording, changed, notes)
+    return _noted(each_once(recording, found), notes)
 
 
 def less_interpolated(recording: Any) -> Any:
@@ -73,7 +71,9 @@ def less_interpolated(recording: Any) -> Any:
             f"the {name} is interpolated between readings of {found.rate_hz:.4g} Hz: only those "
             "are used"
         )
-    read = _with_readings(recording, changed, notes)
+    if not changed:
+        return recording
+    read = _noted(dataclasses.replace(recording, **changed), notes)
     rows = ~(lost & np.isnan(read.displacement_mm) & np.isnan(read.force_n))
     if rows.all():
         return read
@@ -81,11 +81,11 @@ def less_interpolated(recording: Any) -> Any:
     return dataclasses.replace(read, **{name: getattr(read, name)[rows] for name in columns})
 
 
-def _with_readings(recording: Any, changed: Mapping[str, Any], notes: list[str]) -> Any:
-    """Return a recording with some of its columns changed, and what is to be said of that."""
-    if not changed:
+def _noted(recording: Any, notes: list[str]) -> Any:
+    """Return a recording with more to be said of how it was read."""
+    if not notes:
         return recording
     findings = recording.findings
     return dataclasses.replace(
-        recording, findings=findings._replace(notes=(*findings.notes, *notes)), **changed
+        recording, findings=findings._replace(notes=(*findings.notes, *notes))
     )

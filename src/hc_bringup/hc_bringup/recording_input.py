@@ -235,6 +235,7 @@ def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
     Raises:
         UserError: if it cannot be read, or an option is not allowed; the message says why.
     """
+    from hc_bringup.turn_watch import bag_turning_line
     from hc_logger.csv_open import is_text
     from hc_logger.errors import BagError
     from hc_logger.recording import has_samples, read_recording
@@ -265,7 +266,7 @@ def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
                 recording = less_interpolated(less_repeated(recording, sensors))
         else:
             recording = _read_sensors(arguments.input, sensors)
-        if not as_read and (line := _turning_line(arguments.input, sensors)):
+        if not as_read and (line := bag_turning_line(arguments.input, sensors)):
             found = recording.findings
             found = found._replace(problems=(*found.problems, line))
             recording = dataclasses.replace(recording, findings=found)
@@ -275,12 +276,6 @@ def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
     except BagError as error:
         raise UserError(str(error)) from error
     return from_surface(recording, mm_per_n) if arguments.find_surface else recording
-
-
-def _turning_line(path: str, sensors: Mapping[str, Any]) -> str:
-    from hc_bringup.turn_watch import bag_turning_line
-
-    return bag_turning_line(path, sensors)
 
 
 def _check_as_read(sensors: Mapping[str, Any]) -> None:

@@ -14,7 +14,7 @@ from hc_estimator import Rejection, create_estimator
 from hc_estimator.kinds import DEFAULT_FILTER
 from hc_estimator.stream.in_pieces import run_in_pieces
 from hc_estimator.stream.readings import Check, Suspicion, robust_range
-from hc_estimator.stream.repeats import new_readings
+from hc_estimator.stream.repeats import once_each
 from hc_estimator.stream.sensor_setup import SURFACE_SHARE
 from hc_msgs_py.units import NANOSECONDS
 
@@ -131,10 +131,7 @@ class Samples:
     def count_once(self, channel: str) -> None:
         """Leave out the readings of a channel that only repeat the one before."""
         values = self.displacement_mm if channel == "displacement" else self.force_n
-        there = np.flatnonzero(~np.isnan(values))
-        stamps = np.round(self.time_s[there] * NANOSECONDS).astype(np.int64)
-        left = values.copy()
-        left[there[~new_readings(stamps, values[there])]] = np.nan
+        left = once_each(np.round(self.time_s * NANOSECONDS).astype(np.int64), values)
         if channel == "displacement":
             self.displacement_mm = left
         else:

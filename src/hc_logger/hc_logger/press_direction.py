@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from hc_estimator.stream.readings import CLEAR, LEAST_SAMPLES, noise, robust_range
 from hc_estimator.stream.sensor_setup import AXIS_ALIGNED, main_direction
@@ -23,14 +23,12 @@ ONE_DIRECTION: Final = 0.05
 turns with a weight, or slides to and fro."""
 
 
-def off_axis_line(
-    topic: str, forces: Sequence[Sequence[float]], read: Sequence[float], sign: int = 1
-) -> str:
+def off_axis_line(topic: str, forces: ArrayLike, read: Sequence[float], sign: int = 1) -> str:
     """Say that a force changes along another direction than that which is read; empty if not.
 
     Args:
         topic: of the forces.
-        forces: readings [N], three components each.
+        forces: readings [N], three components each, shape (n, 3) or (3 n,).
         read: unit vector along which they are read, before the sign.
         sign: 1 or -1, of the reading.
     """

@@ -8,6 +8,7 @@ do there: every one at its own stamp, nothing is interpolated.
 from __future__ import annotations
 
 import os
+from array import array
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -124,7 +125,7 @@ def read_sensors(
             reorder_window_ns=round(pairing.reorder_window_s * 1e9),
             maximum_gap_ns=round(pairing.maximum_gap_s * 1e9),
         )
-        vectors: list[Vector] = []
+        vectors = array("d")  # as objects those of an hour would take half a gigabyte
         take_force = _force_reader(bag, force_topic, force, vectors)
         take_position = (
             _position_reader(bag, position_topic, position)
@@ -264,7 +265,7 @@ def _direction(sensor: Sensor) -> Vector:
     return x, y, z
 
 
-def _force_reader(bag: Bag, topic: str, sensor: Sensor, vectors: list[Vector]) -> Reader:
+def _force_reader(bag: Bag, topic: str, sensor: Sensor, vectors: array[float]) -> Reader:
     """Return what reads the forces of a topic, and keeps all three components of each."""
     decode = decoder(bag.topics[topic].definition)
     mapping = make_mapping(sensor.axis, sensor.direction, sensor.sign, sensor.scale, sensor.zero)
@@ -272,7 +273,7 @@ def _force_reader(bag: Bag, topic: str, sensor: Sensor, vectors: list[Vector]) -
     def read(data: bytes) -> Iterator[tuple[int, float]]:
         message = decode(data)
         force = message.wrench.force
-        vectors.append((force.x, force.y, force.z))
+        vectors.extend((force.x, force.y, force.z))
         yield _stamp(message, sensor), mapping.of_vector(force.x, force.y, force.z)
 
     return read

@@ -117,6 +117,23 @@ def restart(channel: Any) -> None:
 
 
 @compiled
+def append(readings: Any, reading: float) -> None:
+    """Append a reading to the last ones, oldest first, shape (ORDER + 1,); the oldest goes."""
+    for k in range(ORDER):
+        readings[k] = readings[k + 1]
+    readings[ORDER] = reading
+
+
+@compiled
+def variance_of(readings: Any) -> float:
+    """Variance of white noise, as the square of the difference of so many readings says it."""
+    difference = 0.0
+    for k in range(ORDER + 1):
+        difference += WEIGHTS[k] * readings[k]
+    return difference * difference / VARIANCE
+
+
+@compiled
 def _take_reading(channel: Any, time: float, reading: float, broken: bool) -> bool:
     """Append a reading; True once enough evenly spaced readings are there."""
     step = time - channel.last_time
@@ -131,9 +148,7 @@ def _take_reading(channel: Any, time: float, reading: float, broken: bool) -> bo
             channel.step += 0.1 * (step - channel.step)
     channel.last_time = time
     channel.taken += 1
-    for k in range(ORDER):
-        channel.readings[k] = channel.readings[k + 1]
-    channel.readings[ORDER] = reading
+    append(channel.readings, reading)
     channel.readings_count = min(channel.readings_count + 1, ORDER + 1)
     return channel.readings_count > ORDER  # type: ignore[no-any-return]
 
@@ -158,10 +173,7 @@ def learn(
     channel.jumped = 1 if channel.jumped == SCATTERED else 0
     if not _take_reading(channel, time, reading, broken):
         return False
-    difference = 0.0
-    for k in range(ORDER + 1):
-        difference += WEIGHTS[k] * channel.readings[k]
-    variance = difference * difference / VARIANCE
+    variance = variance_of(channel.readings)
     channel.position = (channel.position + 1) % LATEST
     channel.squares[channel.position] = variance
     channel.count += 1

@@ -17,13 +17,14 @@ on. (Ours; a bank of octaves, as the Allan variance is, IEEE Std 952.)
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 
-from hc_estimator.adaptation.difference_noise import ORDER, VARIANCE, WEIGHTS
+from hc_estimator.adaptation import difference_noise
+from hc_estimator.adaptation.difference_noise import ORDER
 from hc_estimator.compilation import compiled
+from hc_estimator.mean_squares import largest_by_noise
 from hc_estimator.memory import Field, record_type
 
 OCTAVES = 6  # 2 to 64 readings: 8 ms at 7 kHz
@@ -36,9 +37,7 @@ CORNER = 9.0  # of one squared difference against the mean, from which on it is 
 CORNERS = 3  # in a row that are none: the noise is another
 # One over the share of eighth differences that are independent: sum of their squared correlations.
 DEPENDENT = 4.4
-# Deviations beyond which noise is not white, of the cube root of a mean square, which is next to
-# normal (Wilson and Hilferty, PNAS 17, 1931).
-SURELY = 4.0
+SURELY = 4.0  # deviations of a mean square (`mean_squares`) beyond which noise is not white
 
 COLOR = record_type(
     (
@@ -110,17 +109,11 @@ def learn(color: Any, channel: Any, reading: float, touches: bool) -> None:
 @compiled
 def _take_mean(color: Any, k: int, value: float) -> None:
     """Take a mean of an octave into its variance."""
-    means = color.means[k]
-    for i in range(ORDER):
-        means[i] = means[i + 1]
-    means[ORDER] = value
+    difference_noise.append(color.means[k], value)
     color.following[k] = min(color.following[k] + 1, ORDER + 1)
     if color.following[k] <= ORDER:
         return
-    difference = 0.0
-    for i in range(ORDER + 1):
-        difference += WEIGHTS[i] * means[i]
-    square = 2.0 ** (k + 1) * difference * difference / VARIANCE
+    square = 2.0 ** (k + 1) * difference_noise.variance_of(color.means[k])
     if color.variance[k] > 0.0 and square > CORNER * color.variance[k]:
         color.following[k] = 0
         color.corners[k] = min(color.corners[k] + 1, CORNERS)
@@ -171,8 +164,7 @@ def factor(color: Any, channel: Any) -> float:
         if color.count[k] < FEWEST:
             break
         freedom = MEDIAN * BLOCK / DEPENDENT * min(color.count[k], BLOCKS)
-        spread = 2.0 / (9.0 * freedom)
         ratio = color.variance[k] / channel.mean
-        if ratio > (1.0 - spread + SURELY * math.sqrt(spread)) ** 3:
-            largest = max(largest, ratio)
+        if ratio > largest and ratio > largest_by_noise(freedom, SURELY):
+            largest = ratio
     return largest

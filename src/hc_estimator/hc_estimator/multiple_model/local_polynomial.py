@@ -17,6 +17,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector, leading_cholesky
+from hc_estimator.mean_squares import largest_by_noise
 from hc_estimator.multiple_model.delay_records import RAW, TERMS
 
 # With even stamps readings lie on the very edge and the very middle of a parabola. Without a slack
@@ -28,10 +29,10 @@ FEWEST_OF_SEXTIC = 9
 LEAST_OWN = 1e-3  # of x^3 that no parabola shows, up to which a cubic says nothing
 TOUCHING = 5.0  # deviations of the force below which it may be none
 SMOOTH = 4.0  # mean square left over the noise up to which a polynomial fits
-# Deviations of what noise leaves, by its cube root (Wilson and Hilferty, PNAS 17, 1931): beyond the
-# first a parabola flattens something (by chance, more terms would follow the noise), beyond the
-# second more terms do not fit. They leave half as much of a corner of the motion as a parabola
-# does, and their slope is as wrong there: ramps have shown no zero with those among the points.
+# Deviations of what noise leaves (`mean_squares`): beyond the first a parabola flattens something
+# (by chance, more terms would follow the noise), beyond the second more terms do not fit. They
+# leave half as much of a corner of the motion as a parabola does, and their slope is as wrong
+# there: ramps have shown no zero with those among the points.
 FLATTENS = 4.0
 FOLLOWS = 2.0
 QUADRATIC, QUARTIC, SEXTIC = 2, 4, 6  # degrees
@@ -51,13 +52,6 @@ def value_noise(degree: int) -> float:
     if degree == QUADRATIC:
         return 1.0
     return QUARTIC_NOISE if degree == QUARTIC else SEXTIC_NOISE
-
-
-@compiled
-def _most_by_noise(freedom: int, deviations: float) -> float:
-    """Mean square that noise alone leaves at most, over that of a reading."""
-    spread = 2.0 / (9.0 * max(freedom, 1))
-    return (1.0 - spread + deviations * math.sqrt(spread)) ** 3
 
 
 @compiled
@@ -181,7 +175,7 @@ def _refine(finder: Any, channel: int, centre: float, half: float, degree: int) 
     fitted[0] = reference + found[0]
     fitted[4] = found[1] / half - fitted[1]
     fitted[2] = 2.0 * found[2] / (half * half)
-    fitted[3] = left * SMOOTH / _most_by_noise(freedom, FOLLOWS)
+    fitted[3] = left * SMOOTH / largest_by_noise(freedom, FOLLOWS)
 
 
 @compiled
@@ -224,7 +218,7 @@ def fit(finder: Any, centre: float, half: float, wider: float, noise: Any) -> in
         readings = _parabola(finder, channel, centre, half)
         if readings == 0:
             return 0
-        most = _most_by_noise(readings - 3, FLATTENS)
+        most = largest_by_noise(readings - 3, FLATTENS)
         leaves = finder.fitted_to[channel, 3] > most * noise[channel]
         if leaves and (channel == 0 or _is_touching(finder, wider, noise[1])):
             bends = True

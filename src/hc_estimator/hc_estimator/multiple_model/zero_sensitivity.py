@@ -32,10 +32,8 @@ def note_covariance(zeros: Any, fit: Any) -> None:
     for k in range(3):
         clear_vector(column)
         if fit.held[spline.POSITION + k] == 0:
-            column[spline.POSITION + k] = 1.0 / fit.weight
+            column[spline.POSITION + k] = zeros.inflation / fit.weight
         solve(fit.factor, column, fit.unknowns)
-        for i in range(fit.unknowns):
-            column[i] *= zeros.inflation
         by_stiffness = spline.log_stiffness(fit, column)
         zeros.columns[0, k] = by_stiffness
         zeros.columns[1, k] = by_stiffness + column[spline.LOG_RATIO]

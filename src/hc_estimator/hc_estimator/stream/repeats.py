@@ -46,6 +46,19 @@ class Repeats:
         return False
 
 
+def once_each(stamps_ns: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return readings with NaN for those that only repeat the one before.
+
+    Args:
+        stamps_ns: stamps [ns], shape (n,), in the order in which the readings came.
+        values: readings, shape (n,); NaN where there is none.
+    """
+    there = np.flatnonzero(~np.isnan(values))
+    left = values.copy()
+    left[there[~new_readings(stamps_ns[there], values[there])]] = np.nan
+    return left
+
+
 def new_readings(stamps_ns: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return which readings of a recording are new.
 

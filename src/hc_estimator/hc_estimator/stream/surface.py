@@ -309,7 +309,7 @@ def find_surface(displacement_mm: FloatArray, force_n: FloatArray) -> TareResult
         Force zero and surface; None if the recording does not go from free motion into contact.
     """
     for enough in (ENOUGH, *LESS):
-        result, finder = _first_approach(displacement_mm, force_n, enough)
+        result, finder = _next_approach(_readings(displacement_mm, force_n), enough)
         if result is not None and enough == ENOUGH:
             return _from_the_air(result, displacement_mm, force_n)
         if result is not None and _is_lowest(result, force_n):
@@ -342,12 +342,9 @@ def _approaches(
     displacement_mm: FloatArray, force_n: FloatArray, enough: float
 ) -> Iterator[TareResult]:
     """Yield what each press of so many noises shows."""
-    finder = SurfaceFinder(enough=enough, twice=False)
-    for displacement, force in zip(displacement_mm.tolist(), force_n.tolist(), strict=True):
-        result = finder.add(displacement, force)
-        if result is not None:
-            yield result
-            finder = SurfaceFinder(enough=enough, twice=False)
+    readings = _readings(displacement_mm, force_n)
+    while (result := _next_approach(readings, enough)[0]) is not None:
+        yield result
 
 
 def _is_lowest(found: TareResult, force_n: FloatArray) -> bool:
@@ -358,7 +355,7 @@ def _is_lowest(found: TareResult, force_n: FloatArray) -> bool:
 
 def why_no_surface(displacement_mm: FloatArray, force_n: FloatArray) -> str:
     """Say why a recording, of the same arguments, does not show where the surface is."""
-    _result, finder = _first_approach(displacement_mm, force_n, ENOUGH)
+    _result, finder = _next_approach(_readings(displacement_mm, force_n), ENOUGH)
     if not finder.was_free:
         return (
             "does not go from free motion into contact: before a press the tool has to be in the "
@@ -372,12 +369,16 @@ def why_no_surface(displacement_mm: FloatArray, force_n: FloatArray) -> str:
     )
 
 
-def _first_approach(
-    displacement_mm: FloatArray, force_n: FloatArray, enough: float
+def _readings(displacement_mm: FloatArray, force_n: FloatArray) -> Iterator[tuple[float, float]]:
+    return zip(displacement_mm.tolist(), force_n.tolist(), strict=True)
+
+
+def _next_approach(
+    readings: Iterator[tuple[float, float]], enough: float
 ) -> tuple[TareResult | None, SurfaceFinder]:
-    """Return what an approach of so many noises shows, and who looked for it."""
+    """Return what the next approach of so many noises shows, and who looked for it."""
     finder = SurfaceFinder(enough=enough, twice=False)
-    for displacement, force in zip(displacement_mm.tolist(), force_n.tolist(), strict=True):
+    for displacement, force in readings:
         result = finder.add(displacement, force)
         if result is not None:
             return result, finder
