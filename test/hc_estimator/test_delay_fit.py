@@ -35,12 +35,13 @@ def filled(windows=12, varying=False, noise=0.0, zeros=(0.0, 0.0, 0.0)):
     finder.reach, finder.grid_step, finder.kept = CENTRE, 0.01, 10 * windows
     rng = np.random.default_rng(3)
     stiffness, b, n, p = TISSUE[:4]
+    points = finder.kept_points
     for k in range(finder.kept):
         window, time = k // 10, 0.05 * k
         for j in range(CANDIDATES):
             at = time - (j - CENTRE) * 0.01
             d, v = 3.0 + np.sin(4.0 * at), 4.0 * np.cos(4.0 * at)
-            finder.point[k, j] = (d, np.log(abs(v)), v)
+            points["candidates"][k, j] = (d, np.log(abs(v)), v)
         d, v = 3.0 + np.sin(4.0 * time), 4.0 * np.cos(4.0 * time)
         d -= zeros[0] + zeros[1] * time
         own = stiffness
@@ -48,10 +49,10 @@ def filled(windows=12, varying=False, noise=0.0, zeros=(0.0, 0.0, 0.0)):
             own *= 1.0 + 0.4 * np.sin(window)
             d += 0.05 * np.cos(2.0 * window)
         force = own * (d**n * (1.0 + b * np.sign(v) * abs(v) ** p) + zeros[2])
-        finder.point_forces[k] = force + noise * rng.standard_normal()
-        finder.point_window[k] = window
-        finder.point_force[k, 4] = time
-    finder.point_force[:, 3] = 1e-4
+        points["forces"][k] = force + noise * rng.standard_normal()
+        points["window"][k] = window
+        points["time"][k] = time
+    points["force_noise"] = 1e-4
     finder.depth_noise[0] = 1e-8
     delay_points.shift(finder, 0.0)
     finder.law[CENTRE] = TISSUE
@@ -83,11 +84,12 @@ def test_the_score_is_the_derivative_by_the_delay():
         delay_points.shift(finder, 0.0)
         time = 0.05 * np.arange(finder.kept) + share * finder.grid_step
         d, v = 3.0 + np.sin(4.0 * time), 4.0 * np.cos(4.0 * time)
-        moved = finder.point[:, CENTRE].copy()
-        here = finder.point[: finder.kept, CENTRE]
-        here[:] = np.column_stack([d, np.log(np.abs(v)), v])
+        motion = finder.kept_points["candidates"][:, CENTRE]
+        before = motion.copy()
+        for name, values in zip(motion.dtype.names, (d, np.log(np.abs(v)), v), strict=True):
+            motion[name][: finder.kept] = values
         squares.append(delay_equations.add_up(settings, finder, CENTRE, TISSUE.copy()))
-        finder.point[:, CENTRE] = moved
+        finder.kept_points["candidates"][:, CENTRE] = before
     delay_equations.add_up(settings, finder, CENTRE, TISSUE.copy())
     # A larger delay is an earlier motion.
     expected = 0.5 * (squares[0] - squares[1]) / (0.02 * finder.grid_step)
@@ -112,7 +114,7 @@ def test_the_surface_is_the_same_one_at_the_oldest_point():
     finder.zeros = 1
     finder.law[CENTRE, 4:6] = ZEROS[:2]
     before = delay_equations.add_up(settings, finder, CENTRE, finder.law[CENTRE].copy())
-    finder.point_force[:, 4] += 5.0
+    finder.kept_points["time"] += 5.0
     finder.surface_time = 5.0 - 7.0
     finder.law[CENTRE, 4] -= 7.0 * ZEROS[1]
     delay_equations.keep_surface(finder)
@@ -124,8 +126,9 @@ def test_the_surface_is_the_same_one_at_the_oldest_point():
 def way_of(finder, depths):
     """Let the points have these depths, one after another."""
     finder.kept = len(depths)
-    finder.point[: finder.kept, CENTRE, 0] = depths
-    finder.point[: finder.kept, CENTRE, 2] = np.gradient(depths, delay_points.APART)
+    motion = finder.kept_points["candidates"][: finder.kept, CENTRE]
+    motion["displacement"] = depths
+    motion["velocity"] = np.gradient(depths, delay_points.APART)
 
 
 @pytest.mark.parametrize(
@@ -157,11 +160,11 @@ def test_half_seconds_with_their_own_are_no_misfit():
 
 def test_a_half_second_that_the_law_misses_weighs_less():
     settings, finder = filled(noise=0.001)
-    finder.point_force[50:60, 0] += 0.5 * np.sin(np.arange(10))
+    finder.kept_points["force"][50:60] += 0.5 * np.sin(np.arange(10))
     finder.varies = 1
-    before = finder.point_force[: finder.kept, 1].copy()
+    before = finder.kept_points["weight"][: finder.kept].copy()
     delay_equations.temper(settings, finder, CENTRE)
-    share = finder.point_force[: finder.kept, 1] / before
+    share = finder.kept_points["weight"][: finder.kept] / before
     assert np.all(share[50:60] < 0.01)
     assert np.all(np.delete(share, np.s_[50:60]) > 0.3)
 
@@ -170,9 +173,9 @@ def test_a_half_second_that_the_law_misses_weighs_less():
 def test_a_force_between_two_points_is_a_cubic(share):
     _, finder = filled()
     at = np.array([-1.0, 0.0, 1.0, 2.0])
-    finder.point_forces[0] = np.polyval([0.3, -1.0, 2.0, 4.0], at)
+    finder.kept_points["forces"][0] = np.polyval([0.3, -1.0, 2.0, 4.0], at)
     delay_points.shift(finder, share)
-    assert finder.point_force[0, 0] == pytest.approx(np.polyval([0.3, -1.0, 2.0, 4.0], share))
+    assert finder.kept_points["force"][0] == pytest.approx(np.polyval([0.3, -1.0, 2.0, 4.0], share))
 
 
 def test_points_that_came_since_the_fit_weigh_as_they_would_in_it():
@@ -184,10 +187,10 @@ def test_points_that_came_since_the_fit_weigh_as_they_would_in_it():
     settings, finder = filled(noise=0.02)
     finder.law[CANDIDATES] = TISSUE
     finder.place = CENTRE
-    finder.point_force[:, 2] = 0.25
+    finder.kept_points["velocity_noise"] = 0.25
     delay_points.shift(finder, 0.0)
     expected = delay_fit.ratio_by_its_own(settings, finder, CENTRE)
-    finder.point_force[100 : finder.kept, 0] = 0.0
+    finder.kept_points["force"][100 : finder.kept] = 0.0
     assert delay_fit.ratio_by_its_own(settings, finder, CENTRE) == expected
 
 

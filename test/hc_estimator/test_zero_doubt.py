@@ -76,6 +76,18 @@ def test_a_position_that_the_motion_shows_better_is_not_said_to_be_unknown(plant
     assert fine.parameters_std[0] < 0.5 * rough.parameters_std[0]
 
 
+@pytest.mark.parametrize("seconds", [0.5, SECONDS])
+def test_a_position_is_known_at_least_as_well_as_was_said(plant, seconds):
+    """Regression: what was given out was of a surface that may be anywhere, 1 mm at first."""
+    estimator = hc.create_estimator(FILTER, contact_position_std=0.002)
+    rng = np.random.default_rng(1)
+    time = np.arange(round(seconds * RATE_HZ)) / RATE_HZ
+    depth, speed = plant.motion(time, ((0.8, 0.7, 0.3), (0.4, 1.9, 1.0)), offset=2.0)
+    force = plant.force(depth, speed, *TISSUE) + NOISE[1] * rng.standard_normal(time.size)
+    series = estimator.run(time, depth + NOISE[0] * rng.standard_normal(time.size), force)
+    assert np.max(series.contact_position_std[10:]) <= 0.002
+
+
 def test_they_can_be_set_while_it_runs():
     estimator = hc.create_estimator(FILTER)
     estimator.reconfigure(contact_position_std=0.05, force_zero_std=0.01)

@@ -41,6 +41,8 @@ RECORDS = {  # what a variable of that name is, in every kernel
     "zeros": "zeros",
     "delay": "delay",
     "finder": "delay",
+    "kept_point": "kept point",
+    "candidate": "kept point",
     "held": "held",
     "given": "given",
     "onset": "onset",
@@ -106,6 +108,7 @@ OWNERS = {
         "multiple_model/delay_fit",
         "multiple_model/delay_evidence",
     ),
+    "kept point": ("multiple_model/delay_points",),
     "held": ("multiple_model/alignment",),
     "given": ("multiple_model/report",),
     "onset": (
@@ -144,6 +147,7 @@ GUESTS = {
         "delay": "delay deviation doubt fit",
         "fit": "delay_deviation shift spacing values",
     },
+    "multiple_model/delay_equations": {"kept point": "weight"},
     "multiple_model/zero_rival": {"fit": "fixed"},
     "multiple_model/air_zero": {"onset": "force_deviation in_air shift"},
     "multiple_model/beginning": {

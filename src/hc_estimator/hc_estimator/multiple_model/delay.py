@@ -255,9 +255,9 @@ def _explains(finder: Any, count: int) -> bool:
     """True if the likeliest fit leaves little of the force, and its damping is not of noise."""
     law, total, squared = finder.law[CANDIDATES], 0.0, 0.0
     for k in range(count):
-        force = finder.point_force[k]
-        total += force[0] * force[0]
-        squared += force[1]
+        kept_point = finder.kept_points[k]
+        total += kept_point.force * kept_point.force
+        squared += kept_point.weight
     # The weights differ: what is left of the force is of the usual weight.
     left = finder.left[CANDIDATES] / max(squared / count, 1e-300)
     noisy = finder.noise_share[CANDIDATES] > LARGEST_NOISE

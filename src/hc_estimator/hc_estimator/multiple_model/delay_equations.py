@@ -55,8 +55,10 @@ def slowest(variance: float) -> float:
 @compiled
 def _depth(finder: Any, k: int, j: int, law: Any) -> float:
     """Depth of a point below the surface of a law [mm]."""
-    since = finder.point_force[k, 4] - finder.surface_time
-    return max(finder.point[k, j, 0] - law[4] - law[5] * since, SHALLOWEST)  # type: ignore[no-any-return]
+    kept_point = finder.kept_points[k]
+    since = kept_point.time - finder.surface_time
+    depth = kept_point.candidates[j].displacement - law[4] - law[5] * since
+    return max(depth, SHALLOWEST)  # type: ignore[no-any-return]
 
 
 @compiled
@@ -65,7 +67,7 @@ def keep_surface(finder: Any) -> None:
 
     Where it sinks for minutes, it was nowhere near at the first of all.
     """
-    oldest = finder.point_force[(finder.kept - count_of(finder)) % DELAY_POINTS, 4]
+    oldest = finder.kept_points[(finder.kept - count_of(finder)) % DELAY_POINTS].time
     for slot in range(CANDIDATES + 1):
         law = finder.law[slot]
         law[4] += law[5] * (oldest - finder.surface_time)
@@ -108,20 +110,24 @@ def weigh(finder: Any, j: int) -> None:
     """Set the weights of all points by the law of a candidate.
 
     Args:
-        finder: depth_noise[0] is the variance of a point's depth [mm^2], point_force[:, 2:] those
-            of its velocity and force; point_force[:, 1] is set [1/N^2].
+        finder: depth_noise[0] is the variance of a point's depth [mm^2]; weights of the points
+            that are kept are set.
         j: candidate.
     """
     law = finder.law[j]
     for k in range(count_of(finder)):
-        point, force = finder.point[k, j], finder.point_force[k]
-        least = slowest(force[2])
-        slope = law[2] * force[0] / _depth(finder, k, j, law)
-        rate = math.copysign(math.exp(law[3] * point[1]), point[2])
-        elastic = force[0] / max(1.0 + law[1] * rate, LEAST_ELASTIC)
-        swing = elastic * law[1] * law[3] * math.exp((law[3] - 1.0) * max(point[1], least))
-        variance = force[3] + slope * slope * finder.depth_noise[0] + swing * swing * force[2]
-        force[1] = 1.0 / max(variance, SMALLEST_VARIANCE)
+        kept_point = finder.kept_points[k]
+        candidate, force = kept_point.candidates[j], kept_point.force
+        least = slowest(kept_point.velocity_noise)
+        slope = law[2] * force / _depth(finder, k, j, law)
+        rate = math.copysign(math.exp(law[3] * candidate.log_speed), candidate.velocity)
+        elastic = force / max(1.0 + law[1] * rate, LEAST_ELASTIC)
+        swing = (
+            elastic * law[1] * law[3] * math.exp((law[3] - 1.0) * max(candidate.log_speed, least))
+        )
+        variance = kept_point.force_noise + slope * slope * finder.depth_noise[0]
+        variance += swing * swing * kept_point.velocity_noise
+        kept_point.weight = 1.0 / max(variance, SMALLEST_VARIANCE)
 
 
 @compiled
@@ -133,19 +139,20 @@ def temper(settings: Any, finder: Any, j: int) -> None:
 
     Args:
         settings: settings record.
-        finder: point_force[:, 1] is changed.
+        finder: weights of the points that are kept are changed.
         j: candidate.
     """
     add_up(settings, finder, j, finder.law[j])
     count = count_of(finder)
     for k in range(count):
-        finder.window_points[finder.point_window[k] % TEMPERED] = 0
+        finder.window_points[finder.kept_points[k].window % TEMPERED] = 0
     for k in range(count):
-        finder.window_points[finder.point_window[k] % TEMPERED] += 1
+        finder.window_points[finder.kept_points[k].window % TEMPERED] += 1
     for k in range(count):
-        window = finder.point_window[k] % TEMPERED
+        kept_point = finder.kept_points[k]
+        window = kept_point.window % TEMPERED
         freedom = max(finder.window_points[window] - OWN, 1)
-        finder.point_force[k, 1] /= max(finder.window_left[window] / freedom, 1.0)
+        kept_point.weight /= max(finder.window_left[window] / freedom, 1.0)
 
 
 @compiled
@@ -155,29 +162,30 @@ def _columns(finder: Any, k: int, j: int, law: Any) -> tuple[float, float, float
     Returns:
         Shape, its derivative by the depth, and the logarithm of the depth.
     """
-    point, column = finder.point[k, j], finder.column
+    kept_point, column = finder.kept_points[k], finder.column
+    candidate = kept_point.candidates[j]
     before = min(j + 1, CANDIDATES // 2 + finder.reach)  # a larger delay is an earlier motion
     after = max(j - 1, CANDIDATES // 2 - finder.reach)
-    change = finder.point[k, after, 2] - finder.point[k, before, 2]
+    change = kept_point.candidates[after].velocity - kept_point.candidates[before].velocity
     acceleration = change / ((before - after) * finder.grid_step)
     depth = _depth(finder, k, j, law)
     log_depth = math.log(depth)
     power = math.exp(law[2] * log_depth)
-    rate = math.copysign(math.exp(law[3] * point[1]), point[2])
+    rate = math.copysign(math.exp(law[3] * candidate.log_speed), candidate.velocity)
     shape = power * (1.0 + law[1] * rate)
     deeper = law[2] * shape / depth
     column[0] = power * rate
     column[1] = shape * log_depth
-    column[2] = power * law[1] * rate * point[1]
+    column[2] = power * law[1] * rate * candidate.log_speed
     for i in range(SURFACE_FIRST, UNKNOWNS):
         column[i] = 0.0
     if _has_zeros(finder):
         shape += law[UNKNOWNS]
         column[SURFACE_FIRST] = -deeper
-        column[SURFACE_FIRST + 1] = -deeper * (finder.point_force[k, 4] - finder.surface_time)
+        column[SURFACE_FIRST + 1] = -deeper * (kept_point.time - finder.surface_time)
         column[UNKNOWNS - 1] = 1.0
-    bends = power * law[1] * law[3] * rate / point[2] * acceleration
-    column[LATE] = -(deeper * point[2] + bends)
+    bends = power * law[1] * law[3] * rate / candidate.velocity * acceleration
+    column[LATE] = -(deeper * candidate.velocity + bends)
     return shape, deeper, log_depth
 
 
@@ -260,35 +268,35 @@ def add_up(settings: Any, finder: Any, j: int, law: Any) -> float:
     window, weights = -1, 0.0
     for back in range(count):
         k = (finder.kept - count + back) % DELAY_POINTS
-        if finder.varies != 0 and finder.point_window[k] != window:
+        kept_point = finder.kept_points[k]
+        if finder.varies != 0 and kept_point.window != window:
             _eliminate(finder, law)
             _clear(finder)
-            window = finder.point_window[k]
+            window = kept_point.window
             finder.window_added = window
         shape, deeper, log_depth = _columns(finder, k, j, law)
-        point, force = finder.point[k, j], finder.point_force[k]
-        weight = force[1]
+        candidate, force, weight = kept_point.candidates[j], kept_point.force, kept_point.weight
         weights += weight
         sums[6] += weight * shape * deeper
         sums[7] += weight * deeper * deeper
-        sums[8] += weight * deeper * force[0]
+        sums[8] += weight * deeper * force
         sums[0] += weight * shape * shape
-        sums[1] += weight * shape * force[0]
-        sums[2] += weight * force[0] * force[0]
+        sums[1] += weight * shape * force
+        sums[2] += weight * force * force
         for i in range(LATE + 1):
             weighted = weight * column[i]
             moments[BY_SHAPE, i] += weighted * shape
-            moments[BY_FORCE, i] += weighted * force[0]
+            moments[BY_FORCE, i] += weighted * force
             if finder.varies != 0:
                 moments[BY_DEPTH, i] += weighted * deeper
             for m in range(i + 1):
                 moments[i, m] += weighted * column[m]
-        least = slowest(force[2])
-        usual = max(point[1], least)
-        swing = law[3] * column[0] / point[2]
-        if point[1] < least:
+        least = slowest(kept_point.velocity_noise)
+        usual = max(candidate.log_speed, least)
+        swing = law[3] * column[0] / candidate.velocity
+        if candidate.log_speed < least:
             swing = law[3] * math.exp(law[2] * log_depth + (law[3] - 1.0) * least)
-        swing *= swing * weight * force[2]
+        swing *= swing * weight * kept_point.velocity_noise
         sums[3] += swing
         sums[4] += swing * log_depth
         sums[5] += swing * (1.0 / law[3] + usual)

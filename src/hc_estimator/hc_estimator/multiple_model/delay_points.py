@@ -67,8 +67,13 @@ def fit_anew(finder: Any) -> None:
 @compiled
 def move(finder: Any, displacement: float, force: float) -> None:
     """Let all points have zeros that are larger by so much [mm], [N]."""
-    finder.point[:, :, 0] -= displacement
-    finder.point_forces -= force
+    for k in range(DELAY_POINTS):
+        kept_point = finder.kept_points[k]
+        for j in range(CANDIDATES):
+            candidate = kept_point.candidates[j]
+            candidate.displacement -= displacement
+        for i in range(4):
+            kept_point.forces[i] -= force
 
 
 @compiled
@@ -101,25 +106,23 @@ def take(finder: Any) -> None:
         if contact % every != 0:
             continue
         here = finder.first + k
-        slot = finder.kept % DELAY_POINTS
+        kept_point = finder.kept_points[finder.kept % DELAY_POINTS]
         for j in range(centre - finder.reach, centre + finder.reach + 1):
-            smooth, point = smooths[(here - j + centre) % GRID], finder.point[slot, j]
+            smooth, candidate = smooths[(here - j + centre) % GRID], kept_point.candidates[j]
             velocity = _velocity(smooth, quick)
             speed = max(abs(velocity), SLOWEST)
-            point[0] = smooth.displacement
-            point[1] = math.log(speed)
-            point[2] = math.copysign(speed, velocity)
+            candidate.displacement = smooth.displacement
+            candidate.log_speed = math.log(speed)
+            candidate.velocity = math.copysign(speed, velocity)
         for i in range(4):
             near = (here + i - 1) % GRID
-            finder.point_forces[slot, i] = (
-                grid[near].force_by_parabola if sharp else smooths[near].force
-            )
+            kept_point.forces[i] = grid[near].force_by_parabola if sharp else smooths[near].force
         flattened = (smooths[here % GRID].force - grid[here % GRID].force_by_parabola) ** 2
         flattened = max(flattened - SURELY * forces[1], 0.0)
-        finder.point_force[slot, 2] = velocities[quick]
-        finder.point_force[slot, 3] = forces[1] if sharp else forces[0] + flattened
-        finder.point_force[slot, 4] = origin + finder.grid_step * here
-        finder.point_window[slot] = finder.windows
+        kept_point.velocity_noise = velocities[quick]
+        kept_point.force_noise = forces[1] if sharp else forces[0] + flattened
+        kept_point.time = origin + finder.grid_step * here
+        kept_point.window = finder.windows
         finder.kept += 1
 
 
@@ -170,9 +173,11 @@ def shift(finder: Any, share: float) -> None:
     before, here = -x * (x - 1.0) * (x - 2.0) / 6.0, (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0
     after, last = -(x + 1.0) * x * (x - 2.0) / 2.0, (x + 1.0) * x * (x - 1.0) / 6.0
     for k in range(count_of(finder)):
-        forces = finder.point_forces[k]
-        total = before * forces[0] + here * forces[1] + after * forces[2] + last * forces[3]
-        finder.point_force[k, 0] = total
+        kept_point = finder.kept_points[k]
+        forces = kept_point.forces
+        kept_point.force = (
+            before * forces[0] + here * forces[1] + after * forces[2] + last * forces[3]
+        )
 
 
 @compiled
@@ -181,13 +186,13 @@ def count_ways(finder: Any) -> int:
     count, centre = count_of(finder), CANDIDATES // 2
     least, most = math.inf, -math.inf
     for k in range(count):
-        depth = finder.point[k, centre, 0]
+        depth = finder.kept_points[k].candidates[centre].displacement
         least, most = min(least, depth), max(most, depth)
     far = LEAST_BACK * (most - least)
     ways, way, gone = 0, 0.0, 0.0  # what was gone the way that is not the present one [mm]
     for age in range(count):
         k = (finder.kept - count + age) % DELAY_POINTS
-        step = APART * finder.point[k, centre, 2]
+        step = APART * finder.kept_points[k].candidates[centre].velocity
         gone = max(gone - way * step, 0.0) if ways > 0 else gone + step
         if abs(gone) > far:
             way = -way if ways > 0 else math.copysign(1.0, gone)
@@ -204,11 +209,12 @@ def go_both_ways(finder: Any) -> bool:
     window = -1
     for age in range(count):
         k = (finder.kept - count + age) % DELAY_POINTS
-        if finder.point_window[k] != window:
+        kept_point = finder.kept_points[k]
+        if kept_point.window != window:
             least, most = least + min(deeper, back), most + max(deeper, back)
             deeper, back = 0.0, 0.0
-            window = finder.point_window[k]
-        velocity = finder.point[k, CANDIDATES // 2, 2]
+            window = kept_point.window
+        velocity = kept_point.candidates[CANDIDATES // 2].velocity
         deeper += max(velocity, 0.0)
         back += max(-velocity, 0.0)
     least, most = least + min(deeper, back), most + max(deeper, back)

@@ -43,6 +43,28 @@ SMOOTHED = record_type(
     )
 )
 
+# A point that is kept, as it would be with one of the candidate delays (`delay_points`).
+OF_CANDIDATE = record_type(
+    (
+        Field("displacement", np.float64),  # [mm]
+        Field("log_speed", np.float64),  # ln |velocity|
+        Field("velocity", np.float64),  # [mm/s]
+    )
+)
+
+KEPT_POINT = record_type(
+    (
+        Field("time", np.float64),  # [s]
+        Field("window", np.int64, (), 0),  # that it is of
+        Field("candidates", OF_CANDIDATE, (CANDIDATES,)),
+        Field("forces", np.float64, (4,)),  # from a step of the grid before to two after [N]
+        Field("force", np.float64),  # of them, for the delay that is tried [N]
+        Field("velocity_noise", np.float64, (), 0.0),  # variance [mm^2/s^2]
+        Field("force_noise", np.float64, (), 0.0),  # variance [N^2]
+        Field("weight", np.float64, (), 0.0),  # by the law that is tried [1/N^2]
+    )
+)
+
 # By how much is the force late?
 DELAY = record_type(
     (
@@ -74,14 +96,7 @@ DELAY = record_type(
         Field("normal_of_powers", np.float64, (TERMS, TERMS)),  # factored
         Field("reduced", np.float64, (TERMS,)),
         Field("polynomial", np.float64, (TERMS,)),
-        # Points that are kept, a ring; see `delay_points`. By the candidate: d, ln |v|, v.
-        Field("point", np.float64, (DELAY_POINTS, CANDIDATES, 3)),
-        # [N]; from a step of the grid before to two after.
-        Field("point_forces", np.float64, (DELAY_POINTS, 4)),
-        # Force [N] and its weight [1/N^2]; variances of the velocity's noise and of the force; time
-        # [s].
-        Field("point_force", np.float64, (DELAY_POINTS, 5)),
-        Field("point_window", np.int64, (DELAY_POINTS,), 0),  # that it is of
+        Field("kept_points", KEPT_POINT, (DELAY_POINTS,)),  # a ring
         # Variances of depth and force, smoothed and as in `grid`; of the velocity by a parabola, by
         # a cubic, and as in `grid`.
         Field("depth_noise", np.float64, (2,), 0.0),

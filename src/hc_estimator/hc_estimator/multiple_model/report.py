@@ -186,7 +186,11 @@ def _write_zeros(settings: Any, bank: Any, row: Any, out: NDArray[np.float64]) -
     elif bank.zeros.off[0] > 0.0:
         out[columns.CONTACT_POSITION_STD] = bank.zeros.off[0]
         return
+    given = settings.contact_position_std
     if surface.active != 0:
-        out[columns.CONTACT_POSITION_STD] = math.sqrt(max(surface.covariance[OWN, OWN], 0.0))
-    elif settings.contact_position_std > 0.0:
-        out[columns.CONTACT_POSITION_STD] = settings.contact_position_std
+        deviation = math.sqrt(max(surface.covariance[OWN, OWN], 0.0))
+        if given > 0.0 and row.index != surface.index:
+            deviation = min(deviation, given)  # a surface that stays is known at least so well
+        out[columns.CONTACT_POSITION_STD] = deviation
+    elif given > 0.0:
+        out[columns.CONTACT_POSITION_STD] = given
