@@ -138,3 +138,34 @@ def test_what_the_doctor_says_to_type_mends_all_that_was_found_at_once(
     parameters = json.loads(capsys.readouterr().out)["parameters"]
     assert parameters["stiffness"] == pytest.approx(0.5, rel=0.05)
     assert parameters["displacement_exponent"] == pytest.approx(1.5, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (lambda t, d, f: (t, d, -f), "the sign of a channel is wrong"),
+        (lambda t, d, f: (t, d / 1e3, f), "the unit of a channel is wrong"),
+    ],
+)
+def test_tables_of_contacts_and_comparisons_say_that_they_are_not_of_the_tissue(
+    press_table, tmp_path: Path, capsys, change, why
+) -> None:
+    """Regression: "12 contacts", "ukf foretells the force best", status 0, and not a word."""
+    path = press_table("table.csv", change)
+    sound = press_table("sound.csv", lambda t, d, f: (t, d, f))
+    contacts, page = tmp_path / "contacts.csv", tmp_path / "page.html"
+    both = [str(sound), str(path), "--filter", "ukf", "--filter", "ekf"]
+    for words, written in (
+        (["contacts", str(path)], contacts),
+        (["compare", *both], page),
+    ):
+        assert main([*words, "-o", str(written)]) == 1
+        told = capsys.readouterr()
+        assert written.exists()
+        assert f"written: {written}" in told.out
+        last = f"hc {words[0]}: {path}: these are not the parameters of the tissue, for {why}"
+        assert told.err.splitlines()[-1].startswith(last), told.err
+        assert f"{path}: what each means and what to do: {MEANINGS}" in told.err
+        assert f"{sound}: " not in told.err
+    assert main(["contacts", str(sound), "-o", str(tmp_path / "sound_contacts.csv")]) == 0
+    assert capsys.readouterr().err == ""

@@ -62,6 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
     from hc_bringup.progress import status_line
     from hc_bringup.report.comparison import compare
     from hc_bringup.report.comparison_page import comparison_page
+    from hc_bringup.unusable import say_unusable
     from hc_logger.new_file import new_file
 
     target = Path(arguments.output)
@@ -71,6 +72,11 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(f"{target} exists already: choose another file", WRONG_USE)
     variants = _variants(arguments)
     recordings = _recordings(arguments)
+    wrong = {
+        path: why
+        for path, recording in zip(arguments.inputs, recordings, strict=True)
+        if (why := say_unusable(path, recording))
+    }
     with status_line() as say:
         table = compare(
             recordings,
@@ -87,6 +93,9 @@ def run(arguments: argparse.Namespace) -> int:
     except OSError as error:
         raise UserError(f"cannot write {target}: {error.strerror or error}") from error
     _tell(table, recordings, target, as_json=arguments.json)
+    if wrong:
+        said = "; ".join(f"{path}: {why}" for path, why in wrong.items())
+        raise UserError(f"{said}: do what stands above")
     return 0
 
 

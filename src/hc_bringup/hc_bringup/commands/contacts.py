@@ -119,6 +119,8 @@ def run(arguments: argparse.Namespace) -> int:
     from hc_bringup.report.contacts import find_contacts
     from hc_bringup.report.map_file import SUFFIXES
     from hc_bringup.run_data import estimated, recorded
+    from hc_bringup.standard_input import name_of
+    from hc_bringup.unusable import say_unusable
 
     targets = [Path(name) for name in (arguments.output, *arguments.maps) if name is not None]
     if not targets:
@@ -136,6 +138,7 @@ def run(arguments: argparse.Namespace) -> int:
         if target.exists():
             raise UserError(f"{target} exists already: choose another file", WRONG_USE)
     recording = recording_input.load(arguments)
+    wrong = say_unusable(name_of(arguments), recording)
     tip = tip_source(arguments)
     beside: dict[str, Any] = {}
     delay: Any = None
@@ -167,6 +170,8 @@ def run(arguments: argparse.Namespace) -> int:
     finally:  # where no map can be drawn, the table is there all the same
         if written:
             _tell(summary, as_json=arguments.json)
+    if wrong:
+        raise UserError(f"{name_of(arguments)}: {wrong}: do what stands above")
     return 0
 
 
