@@ -34,6 +34,7 @@ from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.choice import choose
 from hc_estimator.multiple_model.hypotheses import FITTED, is_tried
+from hc_estimator.multiple_model.readings import is_single
 from hc_estimator.multiple_model.records import HELD
 from hc_estimator.screening import ACCEPTED
 from hc_estimator.specification import ParameterSpecification
@@ -279,7 +280,9 @@ def _take_point(settings: Any, bank: Any) -> None:
     before = finder.grid_count
     if bank.change.detected != 0:
         delay_points.forget(finder)
-    full = grids.advance(finder, bank.sensor_noise)
+    # Of displacements that were refused the next one says whether they are outliers.
+    waits = is_single(bank.clock.outlier_counts[0])
+    full = not waits and grids.advance(finder, bank.sensor_noise)
     new = finder.grid_count > before and bank.calibrated != 0
     if new and is_tried(settings, FITTED):
         if another_place.look(settings, bank):

@@ -56,6 +56,34 @@ def take(finder: Any, channel: int, time: float, reading: float) -> None:
 
 
 @compiled
+def replace_refused(finder: Any, channel: int, after: float, number: int) -> None:
+    """Let the readings that were refused lie on the line between those beside them.
+
+    A single wrong reading of 3 mm bends three points of the grid, and half a second of those that
+    are smoothed: a delay of 10 to 40 ms was found that was none.
+
+    Args:
+        finder: changed.
+        channel: 0 or 1.
+        after: time before which the last reading before them was [s].
+        number: of those that were refused; the next one was read.
+    """
+    times, values = finder.raw_time[channel], finder.raw_value[channel]
+    k, oldest = finder.raw_count[channel] - 1, max(finder.raw_count[channel] - RAW, 0)
+    following = k
+    while k > oldest and times[k % RAW] > after:
+        following = k
+        k -= 1
+    end = following + number
+    if times[k % RAW] > after or end >= finder.raw_count[channel]:
+        return
+    begin, way = times[k % RAW], times[end % RAW] - times[k % RAW]
+    for i in range(following, end):
+        share = (times[i % RAW] - begin) / way
+        values[i % RAW] = values[k % RAW] + share * (values[end % RAW] - values[k % RAW])
+
+
+@compiled
 def period(finder: Any, channel: int) -> float:
     """Usual time between two readings of a channel [s]."""
     count = finder.raw_count[channel]

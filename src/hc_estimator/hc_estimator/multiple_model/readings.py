@@ -8,6 +8,7 @@ from typing import Any
 from hc_estimator.adaptation import difference_noise, motion_density, noise_color
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model import tempering
 from hc_estimator.multiple_model.delay_records import RAW
 from hc_estimator.multiple_model.hypotheses import DEPTH, FRESH
@@ -16,7 +17,14 @@ from hc_estimator.multiple_model.kalman import displacement_of
 LARGEST_WAIT = 64  # accepted samples after which the given noise is used if none was found
 SUDDEN = 5.0  # latest differences beyond so many times the noise replace it
 FLOOR_SHARE = 1e-3  # of the largest force: the most that its noise is believed to be at least
+SINGLE = 2  # outliers in a row that are no motion
 OPEN_SAMPLES = 30  # inside the gate before it closes again
+
+
+@compiled
+def is_single(count: int) -> bool:
+    """True if so many readings that were refused in a row are outliers if the next one is none."""
+    return 0 < count <= SINGLE
 
 
 @compiled
@@ -47,6 +55,10 @@ def is_outlier(settings: Any, bank: Any, chosen: Any, channel: int) -> bool:
             counts[channel] = 0
         return False
     if not outside:
+        if channel == 0 and is_single(count) and settings.noise_adaptation == DIFFERENCES:
+            # A displacement that is held counts where the force belongs, half a step off at most.
+            after = bank.noise[0].last_time + 0.5 * bank.noise[0].step
+            grids.replace_refused(bank.delay, 0, after, count)
         counts[channel] = 0
         return False
     if settings.noise_adaptation == DIFFERENCES and difference_noise.learn_refused(
