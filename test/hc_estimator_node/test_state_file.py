@@ -70,6 +70,13 @@ def test_a_damaged_file_is_named_and_changes_nothing(tmp_path, text):
         StateFolder(tmp_path).load(SAVED)
 
 
+@pytest.mark.parametrize("text", ["null", "[1, 2]", "{}", '"format"', "3"])
+def test_a_file_of_something_else_is_answered_in_words(tmp_path, text):
+    (tmp_path / SAVED).write_text(text)
+    with pytest.raises(ValueError, match="no state of an estimator: it says no format"):
+        StateFolder(tmp_path).load(SAVED)
+
+
 def test_a_state_with_damaged_numbers_is_refused_and_changes_nothing(tmp_path, session, plant):
     path = StateFolder(tmp_path).save(SAVED, session)
     data = json.loads(path.read_text())

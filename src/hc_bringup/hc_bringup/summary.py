@@ -29,6 +29,8 @@ OPEN_DELAY_S = 0.005
 """Deviation beyond which it cannot be said that there is no delay: B would be wrong by much."""
 NO_LATENCY_US = 1e9
 """What is so old does not come late: its stamps are of a simulation, or of a recording."""
+AT_LIMIT = 1e-3
+"""Share of a limit within which an exponent stands at it."""
 MISFIT_SHARE = 0.5
 """Of the samples: where the law does not fit in more of them, what is doubted has spoilt it."""
 
@@ -155,10 +157,27 @@ def parameter_lines(
     for name in PARAMETERS:
         symbol, unit = SYMBOLS[name]
         line = f"  {symbol} = {values[name]:<10.5g} ± {deviations[name]:<8.2g} {unit:<15}"
-        if known is not None and not math.isnan(known[name]):
+        limit = _limit_of(name, values[name])
+        if limit:
+            line += f" {limit}: it may be beyond, and the deviation says nothing"
+        elif known is not None and not math.isnan(known[name]):
             line += f" {100 * known[name]:4.0f} % known from the data"
         lines.append(line.rstrip())
     return lines
+
+
+def _limit_of(name: str, value: float) -> str:
+    """Say where an exponent stands at the end of what the default filter looks for; else empty."""
+    from hc_estimator.multiple_model import rows  # compiled code, which not all that print need
+
+    limits = {
+        "displacement_exponent": (rows.SMALLEST_EXPONENT, rows.LARGEST_EXPONENT),
+        "velocity_exponent": (rows.SMALLEST_VELOCITY_EXPONENT, rows.LARGEST_VELOCITY_EXPONENT),
+    }
+    for limit, which in zip(limits.get(name, ()), ("smallest", "largest"), strict=False):
+        if abs(value - limit) < AT_LIMIT * limit:
+            return f"the {which} that is looked for"
+    return ""
 
 
 def delay_lines(summary: dict[str, Any]) -> list[str]:

@@ -162,6 +162,8 @@ class StateFolder:
         path = self._path(name)
         try:
             data = json.loads(self._read(path))
+            if not isinstance(data, dict) or "format" not in data:
+                raise ValueError("it says no format")
             if data["format"] != _FORMAT:
                 raise ValueError(f"format {data['format']!r} instead of {_FORMAT}")
             estimator = packed_state.unpacked(data["estimator"])
