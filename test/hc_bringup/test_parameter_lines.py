@@ -38,3 +38,9 @@ def test_an_exponent_at_the_end_of_the_search_is_not_said_to_be_known(name, valu
 def test_exponents_between_the_limits_are():
     lines = parameter_lines({**VALUES, "velocity_exponent": 0.41}, DEVIATIONS, KNOWN)
     assert all("100 % known from the data" in line for line in lines)
+
+
+def test_what_is_held_at_a_limit_is_not_looked_for():
+    held = {**DEVIATIONS, "velocity_exponent": 0.0}
+    lines = parameter_lines({**VALUES, "velocity_exponent": 2.0}, held, KNOWN)
+    assert not any("looked for" in line for line in lines)

@@ -157,7 +157,8 @@ def parameter_lines(
     for name in PARAMETERS:
         symbol, unit = SYMBOLS[name]
         line = f"  {symbol} = {values[name]:<10.5g} ± {deviations[name]:<8.2g} {unit:<15}"
-        limit = _limit_of(name, values[name])
+        # What is held is not looked for.
+        limit = _limit_of(name, values[name]) if deviations[name] > 0.0 else ""
         if limit:
             line += f" {limit}: it may be beyond, and the deviation says nothing"
         elif known is not None and not math.isnan(known[name]):
