@@ -109,7 +109,7 @@ OWNERS = {
         "multiple_model/delay_evidence",
     ),
     "kept point": ("multiple_model/delay_points",),
-    "held": ("multiple_model/alignment",),
+    "held": ("multiple_model/alignment", "multiple_model/held_readings"),
     "given": ("multiple_model/report",),
     "onset": (
         "multiple_model/contact_onset",

@@ -22,6 +22,7 @@ from hc_estimator.multiple_model import (
     delay_evidence,
     delay_points,
     delay_sensitivity,
+    held_readings,
     moving_delay,
     moving_fit,
     place_delay,
@@ -42,6 +43,7 @@ from hc_estimator.specification import ParameterSpecification
 BEGIN_ANEW = 0.002  # change of the delay from which on the rows begin anew [s]
 NEAR = 0.75  # of the time between two samples, within which a held reading goes with a time
 FIRST_NEAR = 2.0  # the same as long as none was in its place
+AT_ONCE = 2  # points of the grid that are taken with one sample
 
 SPECIFICATIONS = (
     ParameterSpecification(
@@ -74,7 +76,7 @@ def take_setting(settings: Any, bank: Any) -> None:
     if math.isnan(given):
         return
     if given != finder.delay:
-        _hold_none(bank.held)
+        held_readings.hold_none(bank.held)
     finder.delay = given
     finder.deviation = 0.0
     finder.doubt = 0.0
@@ -86,7 +88,7 @@ def use(settings: Any, bank: Any, time: float) -> int:
     clock, held = bank.clock, bank.held
     bank.change.detected = 0
     if clock.restart != 0:
-        _hold_none(held)
+        held_readings.hold_none(held)
         # Across a short gap the parabolas only grow wider. At the start nothing is known (NaN).
         if not 0.0 < time - clock.channel_time[0] <= settings.longest_gap:
             grids.restart(bank.delay)
@@ -103,7 +105,7 @@ def use(settings: Any, bank: Any, time: float) -> int:
     else:
         decision = _use_single(settings, bank, time)
     if decision == ACCEPTED:
-        _take_point(settings, bank)
+        _take_points(settings, bank)
     return decision
 
 
@@ -114,23 +116,16 @@ def _ahead(bank: Any) -> int:
 
 
 @compiled
-def _hold_none(held: Any) -> None:
-    """Give up what is held."""
-    held.first = held.count
-    held.used = 0
-
-
-@compiled
 def _use_pair(settings: Any, bank: Any, time: float) -> int:
     """Use a sample with both readings, of which one is held back."""
     clock, held, delay = bank.clock, bank.held, bank.delay.delay
     ahead = _ahead(bank)
-    _hold(held, time, clock.measurement[ahead])
+    _hold(bank, time, ahead)
     wanted = time - abs(delay)
     # After lost readings a force that is held would put the state ahead of the next displacement.
     steady = clock.period > 0.0 and (ahead == 1 or held.used > 0)
     near = clock.period if steady else clock.elapsed
-    number = _nearest(held, wanted, NEAR * near)
+    number = held_readings.nearest(held, wanted, NEAR * near)
     if held.used > 0:
         _use_waiting(settings, bank, time, number)
         goes = held.time[number % HELD] <= wanted + NEAR * near
@@ -189,7 +184,7 @@ def _use_single(settings: Any, bank: Any, time: float) -> int:
     decision = _use_waiting(settings, bank, time, until)
     held.used = max(held.used, held.first, 1)  # from now on each counts once
     if clock.present[ahead] != 0:
-        _hold(held, time, clock.measurement[ahead])
+        _hold(bank, time, ahead)
         if restart != 0:  # across a gap nothing is foretold
             bank.motion_anew = 1
             clock.state_time = now
@@ -200,6 +195,13 @@ def _use_single(settings: Any, bank: Any, time: float) -> int:
         place = _not_before(clock, now)
         clock.offset = time - place
     return _use_at(settings, bank, time, place, 0.0)
+
+
+@compiled
+def _hold(bank: Any, time: float, channel: int) -> None:
+    """Hold back the reading of a channel."""
+    is_suspect = grids.is_suspect(bank.delay, channel)
+    held_readings.hold(bank.held, time, bank.clock.measurement[channel], is_suspect)
 
 
 @compiled
@@ -249,40 +251,35 @@ def _use_waiting(settings: Any, bank: Any, time: float, until: int) -> int:
 
 
 @compiled
-def _hold(held: Any, time: float, reading: float) -> None:
-    """Hold a reading back; the oldest is given up where there is no room."""
-    held.time[held.count % HELD] = time
-    held.value[held.count % HELD] = reading
-    held.count += 1
-    held.first = max(held.first, held.count - HELD)
+def _waits(bank: Any) -> bool:
+    """True if the grid waits for what is to come: readings that it would take may be outliers."""
+    counts = bank.clock.outlier_counts
+    if is_single(counts[0]) or is_single(counts[1]):  # the next one says it
+        return True
+    return held_readings.has_suspect(bank.held)  # of these the gate says it when they are used
 
 
 @compiled
-def _nearest(held: Any, wanted: float, near: float) -> int:
-    """Number of the held reading nearest to a time [s].
+def _take_points(settings: Any, bank: Any) -> None:
+    """Let the batch fit and the finder of the delay take what is next in the grid.
 
-    The next one is preferred as long as it is not far off, so that jitter of the stamps does not
-    take one reading twice and leave out another. The newest is held by now, so that there is one.
+    Where sensors are slow each reading is a point: after it has waited the grid has to catch up.
     """
-    number = held.first
-    while number + 1 < held.count:
-        now, following = held.time[number % HELD], held.time[(number + 1) % HELD]
-        if abs(following - wanted) > abs(now - wanted) and now >= wanted - near:
-            break
-        number += 1
-    return number  # type: ignore[no-any-return]
+    if bank.change.detected != 0:
+        delay_points.forget(bank.delay)
+    if not _waits(bank):
+        for _ in range(AT_ONCE):
+            if not _take_point(settings, bank):
+                break
+    place_delay.note_none(bank.delay, bank.place)
 
 
 @compiled
-def _take_point(settings: Any, bank: Any) -> None:
-    """Let the batch fit and the finder of the delay take the next point of the grid."""
+def _take_point(settings: Any, bank: Any) -> bool:
+    """Take the next point of the grid; True if there was one."""
     finder, rows = bank.delay, bank.rows
     before = finder.grid_count
-    if bank.change.detected != 0:
-        delay_points.forget(finder)
-    # Of displacements that were refused the next one says whether they are outliers.
-    waits = is_single(bank.clock.outlier_counts[0])
-    full = not waits and grids.advance(finder, bank.sensor_noise)
+    full = grids.advance(finder, bank.sensor_noise)
     new = finder.grid_count > before and bank.calibrated != 0
     if new and is_tried(settings, FITTED):
         if another_place.look(settings, bank):
@@ -308,13 +305,13 @@ def _take_point(settings: Any, bank: Any) -> None:
             moving_fit.begin_moving(settings, bank)
     if full and math.isnan(settings.channel_delay):
         _look_for_delay(settings, bank)
-    place_delay.note_none(finder, bank.place)
+    return bool(new)
 
 
 @compiled
 def _begin_with_delay(settings: Any, bank: Any) -> None:
     """Begin anew with another delay than before."""
-    _hold_none(bank.held)
+    held_readings.hold_none(bank.held)
     delay_evidence.reset(bank.delay)
     beginning.begin_aligned(settings, bank)
 
@@ -322,7 +319,7 @@ def _begin_with_delay(settings: Any, bank: Any) -> None:
 @compiled
 def _correct_delay(bank: Any, change: float) -> None:
     """Go on with a delay that is known better by a little [s]."""
-    _hold_none(bank.held)
+    held_readings.hold_none(bank.held)
     delay_sensitivity.correct(bank.rows, change)
     histories.realign(bank.history, change)
 

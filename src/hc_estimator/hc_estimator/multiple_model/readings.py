@@ -55,10 +55,8 @@ def is_outlier(settings: Any, bank: Any, chosen: Any, channel: int) -> bool:
             counts[channel] = 0
         return False
     if not outside:
-        if channel == 0 and is_single(count) and settings.noise_adaptation == DIFFERENCES:
-            # A displacement that is held counts where the force belongs, half a step off at most.
-            after = bank.noise[0].last_time + 0.5 * bank.noise[0].step
-            grids.replace_refused(bank.delay, 0, after, count)
+        if is_single(count) and settings.noise_adaptation == DIFFERENCES:
+            _replace_refused(bank, channel, count)
         counts[channel] = 0
         return False
     if settings.noise_adaptation == DIFFERENCES and difference_noise.learn_refused(
@@ -72,6 +70,20 @@ def is_outlier(settings: Any, bank: Any, chosen: Any, channel: int) -> bool:
         return False
     counts[channel] = count + 1
     return True
+
+
+@compiled
+def _replace_refused(bank: Any, channel: int, count: int) -> None:
+    """Let so many readings that were refused before this one bend no point of the grid.
+
+    A force that the law does not expect may be one all the same, as where the tool lands: only
+    those that nothing beside them leads to are replaced.
+    """
+    noise = bank.noise[channel]
+    late = bank.delay.delay if channel == 1 else 0.0
+    # A displacement that is held counts where the force belongs, half a step off at most.
+    after = noise.last_time + late + 0.5 * noise.step
+    grids.replace_refused(bank.delay, channel, after, count, channel == 1)
 
 
 @compiled
@@ -89,10 +101,7 @@ def displacement_before(bank: Any, time: float) -> tuple[float, float]:
     those that are all later the oldest that is remembered.
     """
     finder = bank.delay
-    k = finder.raw_count[0] - 1
-    oldest = max(finder.raw_count[0] - RAW, 0)
-    while k > oldest and finder.raw_time[0, k % RAW] > time:
-        k -= 1
+    k = grids.latest_up_to(finder, 0, time)
     return finder.raw_value[0, k % RAW], time - finder.raw_time[0, k % RAW]
 
 

@@ -239,7 +239,7 @@ HISTORY = record_type(
 
 HELD = 512  # readings: 60 ms at 7 kHz
 
-# Readings of the channel that is ahead.
+# Readings of the channel that is ahead; see `held_readings`.
 HELD_READINGS = record_type(
     (
         Field("time", np.float64, (HELD,)),  # ring [s]
@@ -247,6 +247,7 @@ HELD_READINGS = record_type(
         Field("count", np.int64, (), 0),  # held so far
         Field("first", np.int64, (), 0),  # number of the oldest that is still waiting
         Field("used", np.int64, (), 0),  # number after the one used last in a pair; 0: none in step
+        Field("suspect", np.float64, (), np.nan, finite=False),  # time of one, see there [s]
     )
 )
 
