@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import hc_estimator as hc
-from hc_estimator.multiple_model import choice, grid, maneuver, plausible
+from hc_estimator.multiple_model import choice, maneuver, plausible, raw_readings
 from hc_estimator.multiple_model.hypotheses import (
     DEPTH,
     FITTED,
@@ -159,7 +159,7 @@ def test_a_maneuver_takes_back_scores_and_choice(parts):
     rows_of(options, bank, (50.0, 50.0, 50.0, 0.1, 50.0, 50.0))
     bank.rows[3].log_likelihood = 99.0
     bank.judge.chosen = 3
-    grid.take(bank.delay, 0, 1.0, 2.0)
+    raw_readings.take(bank.delay, 0, 1.0, 2.0)
     maneuver._go_back(bank, 0, 1.0)
     assert bank.judge.chosen == 0
     assert [bank.rows[m].score for m in range(6)] == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
@@ -177,7 +177,7 @@ def test_a_surface_goes_on_while_a_maneuver_is_not_seen_yet(parts):
     row.covariance[OWN, OWN], row.covariance[OWN + 1, OWN + 1] = 1e-4, 1e-2
     for _ in range(maneuver.PERIOD):
         maneuver.keep(bank, 1.0)
-    grid.take(bank.delay, 0, 1.0, 2.0)
+    raw_readings.take(bank.delay, 0, 1.0, 2.0)
     maneuver._go_back(bank, 0, 1.06)
     assert row.state[OWN] == pytest.approx(0.2 + 1.5 * 0.06)
     assert row.covariance[OWN, OWN] > 1e-4 + 1e-2 * 0.06**2 - 1e-12
@@ -190,7 +190,7 @@ def test_a_fitted_row_that_did_not_exist_before_a_maneuver_goes(parts):
     for _ in range(maneuver.PERIOD):
         maneuver.keep(bank, 1.0)
     bank.rows[FITTED].active = 1
-    grid.take(bank.delay, 0, 1.0, 2.0)
+    raw_readings.take(bank.delay, 0, 1.0, 2.0)
     maneuver._go_back(bank, 0, 1.0)
     assert bank.rows[FITTED].active == 0
 

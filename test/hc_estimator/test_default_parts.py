@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 
 import hc_estimator as hc
 from hc_estimator.estimate import Hypothesis
-from hc_estimator.multiple_model import batch_fit, grid, history
+from hc_estimator.multiple_model import batch_fit, grid, history, raw_readings
 from hc_estimator.multiple_model.hypotheses import without
 from hc_estimator.multiple_model.local_polynomial import EDGE, QUADRATIC
 from hc_estimator.multiple_model.records import POINTS
@@ -38,7 +38,7 @@ def fill_grid(bank, displacement, force, rate=1000.0, origin=0.0, noise=NOISY):
     made = 0
     for k in range(displacement.size):
         for channel, value in ((0, displacement[k]), (1, force[k])):
-            grid.take(bank.delay, channel, origin + k / rate, value)
+            raw_readings.take(bank.delay, channel, origin + k / rate, value)
         before = bank.delay.grid_count
         grid.advance(bank.delay, noise)
         made += bank.delay.grid_count > before
@@ -294,8 +294,8 @@ def test_a_parabola_hides_no_velocity(frequency, noise, parts):
     history.reset(kept)
     true = []
     for k in range(time.size):
-        grid.take(finder, 0, time[k], d[k])
-        grid.take(finder, 1, time[k], 5.0)
+        raw_readings.take(finder, 0, time[k], d[k])
+        raw_readings.take(finder, 1, time[k], 5.0)
         before = finder.grid_count
         grid.advance(finder, NOISY)
         if finder.grid_count == before:

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hc_estimator as hc
-from hc_estimator.multiple_model import grid, smoothing
+from hc_estimator.multiple_model import grid, raw_readings, smoothing
 from hc_estimator.multiple_model.delay_records import NEIGHBOURS
 
 NOISY = np.array([1e6, 1e6])  # variances beside which a parabola leaves nothing
@@ -17,8 +17,8 @@ def window(displacement, force, rate):
     finder = hc.create_estimator("self_tuning_ukf")._memory.view(np.recarray)[0].delay
     grid.restart(finder)
     for k in range(displacement.size):
-        grid.take(finder, 0, k / rate, displacement[k])
-        grid.take(finder, 1, k / rate, force[k])
+        raw_readings.take(finder, 0, k / rate, displacement[k])
+        raw_readings.take(finder, 1, k / rate, force[k])
         if grid.advance(finder, NOISY):
             smoothing.smooth(finder)
             return finder
@@ -93,8 +93,8 @@ def gridded(displacement, rate):
     finder = hc.create_estimator("self_tuning_ukf")._memory.view(np.recarray)[0].delay
     grid.restart(finder)
     for k in range(displacement.size):
-        grid.take(finder, 0, k / rate, displacement[k])
-        grid.take(finder, 1, k / rate, 0.0)
+        raw_readings.take(finder, 0, k / rate, displacement[k])
+        raw_readings.take(finder, 1, k / rate, 0.0)
         grid.advance(finder, NOISY)
     return finder, finder.grid_count - 1 - finder.neighbours
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hc_estimator as hc
-from hc_estimator.multiple_model import grid, local_polynomial
+from hc_estimator.multiple_model import grid, local_polynomial, raw_readings
 from hc_estimator.multiple_model.local_polynomial import (
     QUADRATIC,
     QUARTIC,
@@ -26,8 +26,8 @@ def fitted(time, displacement, force, noise=NOISE, half=HALF, wider=None):
     finder = hc.create_estimator("self_tuning_ukf")._memory.view(np.recarray)[0].delay
     grid.restart(finder)
     for k, stamp in enumerate(time):
-        grid.take(finder, 0, stamp, displacement[k])
-        grid.take(finder, 1, stamp, force[k])
+        raw_readings.take(finder, 0, stamp, displacement[k])
+        raw_readings.take(finder, 1, stamp, force[k])
     degree = local_polynomial.fit(finder, 0.0, half, wider or half, noise)
     return degree, np.array(finder.fitted_to)
 

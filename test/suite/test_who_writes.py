@@ -44,6 +44,7 @@ RECORDS = {  # what a variable of that name is, in every kernel
     "kept_point": "kept point",
     "candidate": "kept point",
     "held": "held",
+    "gate": "gate",
     "given": "given",
     "onset": "onset",
     "window": "window",
@@ -100,6 +101,7 @@ OWNERS = {
     "delay": (
         "multiple_model/delay",
         "multiple_model/grid",
+        "multiple_model/raw_readings",
         "multiple_model/local_polynomial",
         "multiple_model/smoothing",
         "multiple_model/delay_points",
@@ -110,6 +112,7 @@ OWNERS = {
     ),
     "kept point": ("multiple_model/delay_points",),
     "held": ("multiple_model/alignment", "multiple_model/held_readings"),
+    "gate": ("multiple_model/outliers",),
     "given": ("multiple_model/report",),
     "onset": (
         "multiple_model/contact_onset",
@@ -158,6 +161,7 @@ GUESTS = {
         "tool": "away_time contact_clock worthless_time",
     },
     "multiple_model/readings": {"bank": "calibrated motion_anew sensor_noise"},
+    "multiple_model/outliers": {"bank": "motion_anew", "clock": "outlier_counts"},
     "multiple_model/sample": {
         "change": "detected fitting_time",
         "given": "extrapolated",

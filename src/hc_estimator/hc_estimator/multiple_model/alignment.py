@@ -25,8 +25,10 @@ from hc_estimator.multiple_model import (
     held_readings,
     moving_delay,
     moving_fit,
+    outliers,
     place_delay,
     plausible,
+    raw_readings,
     sample,
     zero_fit,
 )
@@ -35,7 +37,6 @@ from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.choice import choose
 from hc_estimator.multiple_model.hypotheses import FITTED, is_tried
-from hc_estimator.multiple_model.readings import is_single
 from hc_estimator.multiple_model.records import HELD
 from hc_estimator.screening import ACCEPTED
 from hc_estimator.specification import ParameterSpecification
@@ -95,7 +96,7 @@ def use(settings: Any, bank: Any, time: float) -> int:
     for i in range(2):
         if clock.present[i] != 0:
             clock.measurement[i] -= bank.onset.zero[i]
-            grids.take(bank.delay, i, time, clock.measurement[i])
+            raw_readings.take(bank.delay, i, time, clock.measurement[i])
     clock.offset = 0.0
     bank.given.latest_force = clock.measurement[1]
     if bank.delay.delay == 0.0:
@@ -200,7 +201,7 @@ def _use_single(settings: Any, bank: Any, time: float) -> int:
 @compiled
 def _hold(bank: Any, time: float, channel: int) -> None:
     """Hold back the reading of a channel."""
-    is_suspect = grids.is_suspect(bank.delay, channel)
+    is_suspect = raw_readings.is_far(bank.delay, channel, bank.delay.raw_count[channel] - 1)
     held_readings.hold(bank.held, time, bank.clock.measurement[channel], is_suspect)
 
 
@@ -251,23 +252,15 @@ def _use_waiting(settings: Any, bank: Any, time: float, until: int) -> int:
 
 
 @compiled
-def _waits(bank: Any) -> bool:
-    """True if the grid waits for what is to come: readings that it would take may be outliers."""
-    counts = bank.clock.outlier_counts
-    if is_single(counts[0]) or is_single(counts[1]):  # the next one says it
-        return True
-    return held_readings.has_suspect(bank.held)  # of these the gate says it when they are used
-
-
-@compiled
 def _take_points(settings: Any, bank: Any) -> None:
     """Let the batch fit and the finder of the delay take what is next in the grid.
 
-    Where sensors are slow each reading is a point: after it has waited the grid has to catch up.
+    It waits as long as readings may turn out to be wrong; of those that are held back the gate says
+    it when they are used. Where sensors are slow each reading is a point, and it has to catch up.
     """
     if bank.change.detected != 0:
         delay_points.forget(bank.delay)
-    if not _waits(bank):
+    if not (outliers.waits(settings, bank) or held_readings.has_suspect(bank.held)):
         for _ in range(AT_ONCE):
             if not _take_point(settings, bank):
                 break

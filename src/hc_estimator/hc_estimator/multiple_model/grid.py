@@ -23,10 +23,6 @@ SAME_STEP = 0.01  # share by which the step of a new grid may differ and be that
 LOST = 1.5  # times the usual time between two readings from which on some were lost in between
 LARGEST = 0.074  # delay that is tried; 60 ms are looked for [s]
 WINDOW = 0.5  # [s]
-# A reading may be an outlier beyond so many times the RMS bend of the calmest of some blocks.
-SUSPECT = 8.0
-CALM, CALM_BLOCKS = 8, 3
-SPIKE = 3.0  # times the steps beside it, beyond which a reading is far from those beside it
 
 
 @compiled
@@ -46,89 +42,6 @@ def move(finder: Any, displacement: float, force: float) -> None:
         point.displacement_by_parabola -= displacement
         point.force -= force
         point.force_by_parabola -= force
-
-
-@compiled
-def take(finder: Any, channel: int, time: float, reading: float) -> None:
-    """Take a raw reading."""
-    count = finder.raw_count[channel]
-    if count > 0 and time <= finder.raw_time[channel, (count - 1) % RAW]:
-        return
-    finder.raw_time[channel, count % RAW] = time
-    finder.raw_value[channel, count % RAW] = reading
-    finder.raw_count[channel] = count + 1
-
-
-@compiled
-def is_suspect(finder: Any, channel: int) -> bool:
-    """True if the newest reading of a channel may be an outlier.
-
-    It lies far from where the two before it lead, beside the calmest of some readings before.
-    """
-    count = finder.raw_count[channel]
-    blocks = min(CALM_BLOCKS, (count - 3) // CALM)
-    if blocks < 1:
-        return False
-    calmest = math.inf
-    for block in range(blocks):
-        total = 0.0
-        for back in range(2 + CALM * block, 2 + CALM * (block + 1)):
-            total += _bend(finder, channel, back) ** 2
-        calmest = min(calmest, total / CALM)
-    return bool(_bend(finder, channel, 1) ** 2 > SUSPECT**2 * calmest)
-
-
-@compiled
-def _bend(finder: Any, channel: int, back: int) -> float:
-    """How far one of the latest readings lies from the line through the two before it; 1: the last.
-
-    In the channel's unit, [mm] or [N].
-    """
-    times, values, k = (
-        finder.raw_time[channel],
-        finder.raw_value[channel],
-        finder.raw_count[channel],
-    )
-    now, one, two = (k - back) % RAW, (k - back - 1) % RAW, (k - back - 2) % RAW
-    slope = (values[one] - values[two]) / (times[one] - times[two])
-    return values[now] - values[one] - slope * (times[now] - times[one])  # type: ignore[no-any-return]
-
-
-@compiled
-def latest_up_to(finder: Any, channel: int, time: float) -> int:
-    """Number of the latest reading up to a time [s]; of those that are all later, the oldest."""
-    k, oldest = finder.raw_count[channel] - 1, max(finder.raw_count[channel] - RAW, 0)
-    while k > oldest and finder.raw_time[channel, k % RAW] > time:
-        k -= 1
-    return k  # type: ignore[no-any-return]
-
-
-@compiled
-def replace_refused(finder: Any, channel: int, after: float, number: int, spikes: bool) -> None:
-    """Let the readings that were refused lie on the line between those beside them.
-
-    A single wrong reading of 3 mm bends three points of the grid, and half a second of those that
-    are smoothed: a delay of 10 to 40 ms was found that was none.
-
-    Args:
-        finder: changed.
-        channel: 0 or 1.
-        after: time up to which the last reading before them was [s].
-        number: of those that were refused; the next one was read.
-        spikes: True if those that are not far from all beside them stay what they are.
-    """
-    times, values = finder.raw_time[channel], finder.raw_value[channel]
-    last = latest_up_to(finder, channel, after)
-    end = last + number + 1
-    if times[last % RAW] > after or end >= finder.raw_count[channel]:
-        return
-    before, then = values[last % RAW], values[end % RAW]
-    begin, way = times[last % RAW], times[end % RAW] - times[last % RAW]
-    usual = max(abs(then - before), abs(before - values[(last - 1) % RAW]))
-    for i in range(last + 1, end):
-        beyond = max(values[i % RAW] - max(before, then), min(before, then) - values[i % RAW])
-        if not spikes or beyond > SPIKE * usual:
-            values[i % RAW] = before + (times[i % RAW] - begin) / way * (then - before)
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""What the readings say by themselves: outliers, the sensors' noise, the motion of the tool."""
+"""What the readings say by themselves: the sensors' noise, the motion of the tool."""
 
 from __future__ import annotations
 
@@ -8,82 +8,12 @@ from typing import Any
 from hc_estimator.adaptation import difference_noise, motion_density, noise_color
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import grid as grids
-from hc_estimator.multiple_model import tempering
+from hc_estimator.multiple_model import raw_readings, tempering
 from hc_estimator.multiple_model.delay_records import RAW
-from hc_estimator.multiple_model.hypotheses import DEPTH, FRESH
-from hc_estimator.multiple_model.kalman import displacement_of
 
 LARGEST_WAIT = 64  # accepted samples after which the given noise is used if none was found
 SUDDEN = 5.0  # latest differences beyond so many times the noise replace it
 FLOOR_SHARE = 1e-3  # of the largest force: the most that its noise is believed to be at least
-SINGLE = 2  # outliers in a row that are no motion
-OPEN_SAMPLES = 30  # inside the gate before it closes again
-
-
-@compiled
-def is_single(count: int) -> bool:
-    """True if so many readings that were refused in a row are outliers if the next one is none."""
-    return 0 < count <= SINGLE
-
-
-@compiled
-def innovation_of(bank: Any, row: Any, channel: int) -> tuple[float, float]:
-    """Innovation of a row and its variance, of the displacement [mm] or the force [N]."""
-    clock = bank.clock
-    if channel == 1:
-        return row.innovation[1], row.innovation_variance[1]
-    innovation = clock.measurement[0] - displacement_of(row, clock.offset)
-    return innovation, row.covariance[DEPTH, DEPTH] + bank.sensor_noise[0]
-
-
-@compiled
-def is_outlier(settings: Any, bank: Any, chosen: Any, channel: int) -> bool:
-    """Refuse an innovation far outside its distribution, unless many come one after another."""
-    clock = bank.clock
-    limit_squared = settings.outlier_gate * settings.outlier_gate
-    innovation, variance = innovation_of(bank, chosen, channel)
-    outside = bank.calibrated != 0 and innovation * innovation > limit_squared * variance
-    if outside and bank.change.testing != 0:  # an outlier is what neither tissue explains
-        other, by_other = innovation_of(bank, bank.rows[FRESH], channel)
-        outside = other * other > limit_squared * by_other
-    counts = clock.outlier_counts
-    count = counts[channel]
-    if count > settings.outlier_limit:  # the gate is open
-        counts[channel] = settings.outlier_limit + OPEN_SAMPLES if outside else count - 1
-        if counts[channel] == settings.outlier_limit:
-            counts[channel] = 0
-        return False
-    if not outside:
-        if is_single(count) and settings.noise_adaptation == DIFFERENCES:
-            _replace_refused(bank, channel, count)
-        counts[channel] = 0
-        return False
-    if settings.noise_adaptation == DIFFERENCES and difference_noise.learn_refused(
-        bank.noise[channel], innovation, math.sqrt(limit_squared * variance)
-    ):
-        counts[channel] = 0
-        _follow_noise(bank)
-        return True
-    if count == settings.outlier_limit:
-        counts[channel] = settings.outlier_limit + OPEN_SAMPLES
-        return False
-    counts[channel] = count + 1
-    return True
-
-
-@compiled
-def _replace_refused(bank: Any, channel: int, count: int) -> None:
-    """Let so many readings that were refused before this one bend no point of the grid.
-
-    A force that the law does not expect may be one all the same, as where the tool lands: only
-    those that nothing beside them leads to are replaced.
-    """
-    noise = bank.noise[channel]
-    late = bank.delay.delay if channel == 1 else 0.0
-    # A displacement that is held counts where the force belongs, half a step off at most.
-    after = noise.last_time + late + 0.5 * noise.step
-    grids.replace_refused(bank.delay, channel, after, count, channel == 1)
 
 
 @compiled
@@ -101,7 +31,7 @@ def displacement_before(bank: Any, time: float) -> tuple[float, float]:
     those that are all later the oldest that is remembered.
     """
     finder = bank.delay
-    k = grids.latest_up_to(finder, 0, time)
+    k = raw_readings.latest_up_to(finder, 0, time)
     return finder.raw_value[0, k % RAW], time - finder.raw_time[0, k % RAW]
 
 
@@ -142,7 +72,7 @@ def learn(settings: Any, bank: Any, time: float) -> None:
                 difference_noise.learn(settings, bank.noise[i], time, reading, broken, floor)
                 # A place has no corner where the tool touches.
                 noise_color.learn(bank.color[i], bank.noise[i], reading, pushes or i == 0)
-        _follow_noise(bank)
+        follow_noise(bank)
     chosen = bank.rows[bank.judge.chosen]
     if settings.motion_adaptation != 0 and clock.present[0] != 0:
         motion_density.learn(
@@ -158,7 +88,7 @@ def learn(settings: Any, bank: Any, time: float) -> None:
 
 
 @compiled
-def _follow_noise(bank: Any) -> None:
+def follow_noise(bank: Any) -> None:
     """Bring bank.sensor_noise up to the differences."""
     first = difference_noise.FIRST_SAMPLES
     noise = bank.noise

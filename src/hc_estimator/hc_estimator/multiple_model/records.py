@@ -251,6 +251,16 @@ HELD_READINGS = record_type(
     )
 )
 
+# Readings that were refused; see `outliers`.
+GATE = record_type(
+    (
+        Field("refused_from", np.float64, (2,)),  # stamp of the first of those in a row [s]
+        Field(
+            "jumped_at", np.float64, (), np.nan, finite=False
+        ),  # displacement; NaN: it did not [s]
+    )
+)
+
 # Readings of the force beside the place of the tool; see `air_window`.
 WINDOW = record_type(
     (
@@ -367,6 +377,7 @@ BANK: tuple[Field, ...] = (
     Field("zeros", ZEROS),
     Field("delay", DELAY),
     Field("held", HELD_READINGS),
+    Field("gate", GATE),
     Field("given", GIVEN),
     Field("onset", ONSET),
     Field("air", AIR),

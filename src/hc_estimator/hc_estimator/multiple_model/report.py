@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from hc_estimator import estimate as columns
 from hc_estimator.adaptation import motion_density
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import levels, plausible, readings, zero_doubt
+from hc_estimator.multiple_model import levels, outliers, plausible, zero_doubt
 from hc_estimator.multiple_model.hypotheses import (
     CODES,
     DEPTH,
@@ -55,7 +55,7 @@ def foretell(settings: Any, bank: Any) -> None:
 def give_refused(bank: Any) -> None:
     """Note what the row in charge expected of a displacement that is refused; the force waits."""
     given = bank.given
-    innovation, variance = readings.innovation_of(bank, bank.rows[given.row], 0)
+    innovation, variance = outliers.innovation_of(bank, bank.rows[given.row], 0)
     given.innovation[0] = innovation
     given.nis = innovation * innovation / variance
 

@@ -29,6 +29,7 @@ from hc_estimator.multiple_model import (
     levels,
     lift_off,
     model_error,
+    outliers,
     plausible,
     readings,
     report,
@@ -153,7 +154,7 @@ def _update(settings: Any, bank: Any, place: float) -> int:
     report.foretell(settings, bank)
     chosen = rows[bank.judge.chosen]
     log_speed = levels.log_usual_speed(bank.tool)
-    if clock.present[0] != 0 and readings.is_outlier(settings, bank, chosen, 0):
+    if clock.present[0] != 0 and outliers.is_outlier(settings, bank, chosen, 0, place):
         report.give_refused(bank)
         return OUTLIER
     for m in range(rows.shape[0]):
@@ -172,7 +173,7 @@ def _update(settings: Any, bank: Any, place: float) -> int:
         if departs and not _foresee(settings, bank):
             return NUMERICAL
         open_before = clock.outlier_counts[1] > settings.outlier_limit
-        if readings.is_outlier(settings, bank, chosen, 1):
+        if outliers.is_outlier(settings, bank, chosen, 1, place):
             report.give(settings, bank, OUTLIER)
             limit_wild(settings, rows)
             return OUTLIER

@@ -1,0 +1,135 @@
+"""The raw readings of both channels, latest first in time: a ring that `grid` fits its points to.
+
+Here are those that a gate has refused (`readings`) told from those beside them, replaced or taken
+out: a single wrong reading of 3 mm bends three points of the grid, and half a second of those that
+are smoothed. A delay of 10 to 40 ms was found that was none.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model.delay_records import RAW
+
+# A reading is far from the others beyond so many times the RMS bend of the calmest of some blocks.
+FAR = 8.0
+CALM, CALM_BLOCKS = 8, 3
+BACK = 0.5  # share of a bend that the next one goes back at least where a place jumped
+SPIKE = 3.0  # times the steps beside it, beyond which a force is a spike
+ON_A_LINE = 2  # refused readings in a row that are replaced; more of them are taken out
+
+
+@compiled
+def take(finder: Any, channel: int, time: float, reading: float) -> None:
+    """Take a raw reading."""
+    count = finder.raw_count[channel]
+    if count > 0 and time <= finder.raw_time[channel, (count - 1) % RAW]:
+        return
+    finder.raw_time[channel, count % RAW] = time
+    finder.raw_value[channel, count % RAW] = reading
+    finder.raw_count[channel] = count + 1
+
+
+@compiled
+def oldest(finder: Any, channel: int) -> int:
+    """Number of the oldest reading that is remembered."""
+    return max(finder.raw_count[channel] - RAW, 0)  # type: ignore[no-any-return]
+
+
+@compiled
+def latest_up_to(finder: Any, channel: int, time: float) -> int:
+    """Number of the latest reading up to a time [s]; of those that are all later, the oldest."""
+    k, first = finder.raw_count[channel] - 1, oldest(finder, channel)
+    while k > first and finder.raw_time[channel, k % RAW] > time:
+        k -= 1
+    return k  # type: ignore[no-any-return]
+
+
+@compiled
+def is_far(finder: Any, channel: int, number: int) -> bool:
+    """True if a reading lies far from where the two before it lead.
+
+    Beside the calmest of some readings before.
+    """
+    blocks = min(CALM_BLOCKS, (number - 2 - oldest(finder, channel)) // CALM)
+    if blocks < 1:
+        return False
+    calmest = math.inf
+    for block in range(blocks):
+        total = 0.0
+        for k in range(number - CALM * (block + 1), number - CALM * block):
+            total += _bend(finder, channel, k) ** 2
+        calmest = min(calmest, total / CALM)
+    return bool(_bend(finder, channel, number) ** 2 > FAR**2 * calmest)
+
+
+@compiled
+def has_jumped(finder: Any, channel: int, first: int, last: int) -> bool:
+    """True if one of some readings, far from those before, is no motion that begins.
+
+    Where a tool sets off the bends add up; where a reading jumps the next one bends back.
+    """
+    for k in range(first, last):
+        here, then = _bend(finder, channel, k), _bend(finder, channel, k + 1)
+        if here * then < 0.0 and abs(then) > BACK * abs(here) and is_far(finder, channel, k):
+            return True
+    return False
+
+
+@compiled
+def _bend(finder: Any, channel: int, number: int) -> float:
+    """How far a reading lies from the line through the two before it [mm] or [N]."""
+    times, values = finder.raw_time[channel], finder.raw_value[channel]
+    now, one, two = number % RAW, (number - 1) % RAW, (number - 2) % RAW
+    slope = (values[one] - values[two]) / (times[one] - times[two])
+    return values[now] - values[one] - slope * (times[now] - times[one])  # type: ignore[no-any-return]
+
+
+@compiled
+def replace_refused(finder: Any, channel: int, after: float, until: float, spikes: bool) -> None:
+    """Let readings that were refused bend no point of the grid.
+
+    A few lie on the line between those beside them from now on, more are taken out: then the grid
+    deals with them as with others that were lost.
+
+    Args:
+        finder: changed.
+        channel: 0 or 1.
+        after: time up to which the last reading before them was [s].
+        until: time up to which the last of them was [s]; a later one was read.
+        spikes: True if only what is far from both beside it was wrong: a force may jump.
+    """
+    times, values = finder.raw_time[channel], finder.raw_value[channel]
+    first = oldest(finder, channel)
+    last, end = latest_up_to(finder, channel, after), latest_up_to(finder, channel, until) + 1
+    if end >= finder.raw_count[channel]:
+        return
+    if times[last % RAW] > after:  # they have filled the ring
+        _take_out(finder, channel, first, end)
+        return
+    before, then = values[last % RAW], values[end % RAW]
+    begin, way = times[last % RAW], times[end % RAW] - times[last % RAW]
+    usual = abs(then - before)
+    if last > first:
+        usual = max(usual, abs(before - values[(last - 1) % RAW]))
+    for i in range(last + 1, end):
+        beyond = max(values[i % RAW] - max(before, then), min(before, then) - values[i % RAW])
+        if spikes and not beyond > SPIKE * usual:
+            return
+    if end - last - 1 > ON_A_LINE:
+        _take_out(finder, channel, last + 1, end)
+        return
+    for i in range(last + 1, end):
+        values[i % RAW] = before + (times[i % RAW] - begin) / way * (then - before)
+
+
+@compiled
+def _take_out(finder: Any, channel: int, begin: int, end: int) -> None:
+    """Take the readings from one up to another out of the ring."""
+    for k in range(end, finder.raw_count[channel]):
+        here = (begin + k - end) % RAW
+        finder.raw_time[channel, here] = finder.raw_time[channel, k % RAW]
+        finder.raw_value[channel, here] = finder.raw_value[channel, k % RAW]
+    finder.raw_count[channel] -= end - begin
