@@ -112,7 +112,7 @@ OWNERS = {
     ),
     "kept point": ("multiple_model/delay_points",),
     "held": ("multiple_model/alignment", "multiple_model/held_readings"),
-    "gate": ("multiple_model/outliers",),
+    "gate": ("multiple_model/outliers", "multiple_model/jumps"),
     "given": ("multiple_model/report",),
     "onset": (
         "multiple_model/contact_onset",

@@ -14,9 +14,9 @@ from hc_estimator.multiple_model import (
     another_place,
     contact_onset,
     delay_points,
+    jumps,
     levels,
     moving_fit,
-    outliers,
     place_delay,
     plausible,
     tempering,
@@ -70,7 +70,7 @@ def start(settings: Any, bank: Any) -> None:
     bank.calibrated = 0 if settings.noise_adaptation == DIFFERENCES else 1
     bank.guessed = 0
     bank.motion_anew = 0
-    outliers.forget(bank)
+    jumps.forget(bank.gate)
     take_noise(settings, bank)
     for i in range(2):
         difference_noise.restart(bank.noise[i])

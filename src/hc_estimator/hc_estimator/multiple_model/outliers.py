@@ -1,8 +1,8 @@
 """Is a reading an outlier? It is refused where no hypothesis explains it, a few times in a row.
 
-No tool jumps: a displacement that does is not believed for a while, however many readings agree
-(a tracker that gives zeros while it has lost its marker, an encoder with a bad contact). A force
-may jump, as where tissue tears: many in a row are an alarm (`maneuver`, `change`).
+A displacement that jumps is not believed at once, however many readings agree, nor one that stands
+still (`jumps`). A force may jump, as where tissue tears: many in a row are an alarm (`maneuver`,
+`change`).
 """
 
 from __future__ import annotations
@@ -14,20 +14,11 @@ from hc_estimator.adaptation import difference_noise
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import grid as grids
-from hc_estimator.multiple_model import raw_readings, readings
-from hc_estimator.multiple_model.delay_records import RAW
+from hc_estimator.multiple_model import jumps, raw_readings, readings
 from hc_estimator.multiple_model.hypotheses import DEPTH, FRESH
 from hc_estimator.multiple_model.kalman import displacement_of
 
 OPEN_SAMPLES = 30  # inside the gate before it closes again
-JUMP_TIME = 0.5  # for which a displacement that has jumped is not believed [s]
-JUMPS_BACK = 0.5  # of the half width of the gate, that a displacement comes back by at least
-
-
-@compiled
-def forget(bank: Any) -> None:
-    """The motion begins anew: no displacement has jumped."""
-    bank.gate.jumped_at = math.nan
 
 
 @compiled
@@ -43,8 +34,6 @@ def innovation_of(bank: Any, row: Any, channel: int) -> tuple[float, float]:
 @compiled
 def is_outlier(settings: Any, bank: Any, chosen: Any, channel: int, place: float) -> bool:
     """Refuse an innovation far outside its distribution, unless many come one after another.
-
-    A displacement that jumped is not believed for `JUMP_TIME`: no tool jumps.
 
     Args:
         settings: settings record.
@@ -69,9 +58,11 @@ def is_outlier(settings: Any, bank: Any, chosen: Any, channel: int, place: float
         return False
     stamp = place + (clock.offset if channel == 0 else bank.delay.delay)
     if clock.restart != 0:
-        bank.gate.jumped_at = math.nan
-    if channel == 0 and not math.isnan(bank.gate.jumped_at):
-        return _is_still_off(bank, stamp, outside, math.sqrt(limit_squared * variance))
+        jumps.forget(bank.gate)
+    if channel == 0 and jumps.goes_on(bank.gate):
+        return _is_still_off(
+            settings, bank, chosen, stamp, outside, math.sqrt(limit_squared * variance)
+        )
     if not outside:
         if count > 0:
             _replace_refused(bank, channel, stamp)
@@ -86,8 +77,7 @@ def is_outlier(settings: Any, bank: Any, chosen: Any, channel: int, place: float
     if count == 0:
         bank.gate.refused_from[channel] = stamp
     if count == settings.outlier_limit:
-        if channel == 0 and count > 0 and _has_jumped(bank, stamp, count):
-            bank.gate.jumped_at = stamp
+        if count > 0 and jumps.begins(bank, channel, stamp, count):
             return True
         counts[channel] = settings.outlier_limit + OPEN_SAMPLES
         return False
@@ -103,54 +93,30 @@ def waits(settings: Any, bank: Any) -> bool:
 
 
 @compiled
-def _has_jumped(bank: Any, stamp: float, count: int) -> bool:
-    """True if the displacements that were refused, up to this one, jumped.
+def _is_still_off(
+    settings: Any, bank: Any, chosen: Any, stamp: float, outside: bool, half_width: float
+) -> bool:
+    """Refuse displacements that have jumped or stand still until they are believed.
 
     Args:
-        bank: with the raw readings.
-        stamp: of this one [s].
-        count: of those before it.
-    """
-    finder = bank.delay
-    last = raw_readings.latest_up_to(finder, 0, stamp + _half_step(bank, 0))
-    first = max(last - count, raw_readings.oldest(finder, 0) + 2)
-    return raw_readings.has_jumped(finder, 0, first, last)
-
-
-@compiled
-def _is_still_off(bank: Any, stamp: float, outside: bool, half_width: float) -> bool:
-    """Refuse displacements that have jumped, until they jump back or for `JUMP_TIME`.
-
-    What is not known any more grows, and with it the gate: a reading that was not outside by
-    itself comes back only by a jump.
-
-    Args:
+        settings: settings record.
         bank: changed.
+        chosen: row.
         stamp: of the reading [s].
         outside: True if it is outside of the gate.
         half_width: of that [mm].
     """
-    finder = bank.delay
-    here = raw_readings.latest_up_to(finder, 0, stamp + _half_step(bank, 0))
-    if not outside and here > raw_readings.oldest(finder, 0):
-        step = finder.raw_value[0, here % RAW] - finder.raw_value[0, (here - 1) % RAW]
-        if abs(step) > JUMPS_BACK * half_width:
-            _replace_refused(bank, 0, stamp)
-            bank.clock.outlier_counts[0] = 0
-            bank.gate.jumped_at = math.nan
-            return False
-    if not stamp - bank.gate.jumped_at < JUMP_TIME:
+    if not outside and jumps.is_back(bank, stamp, half_width):
+        _replace_refused(bank, 0, stamp)
         bank.clock.outlier_counts[0] = 0
-        bank.gate.jumped_at = math.nan
+        jumps.forget(bank.gate)
+        return False
+    if jumps.is_believed(settings, bank, chosen, stamp):
+        bank.clock.outlier_counts[0] = 0
+        jumps.forget(bank.gate)
         bank.motion_anew = 1
-        grids.restart(finder)
+        grids.restart(bank.delay)
     return True
-
-
-@compiled
-def _half_step(bank: Any, channel: int) -> float:
-    """Half of the usual time between two readings of a channel [s]."""
-    return 0.5 * grids.period(bank.delay, channel)
 
 
 @compiled
@@ -160,6 +126,6 @@ def _replace_refused(bank: Any, channel: int, stamp: float) -> None:
     A force that the law does not expect may be one all the same, as where the tool lands: only
     those that nothing beside them leads to are replaced.
     """
-    half = _half_step(bank, channel)
+    half = 0.5 * grids.period(bank.delay, channel)
     after, until = bank.gate.refused_from[channel] - half, stamp - half
     raw_readings.replace_refused(bank.delay, channel, after, until, channel == 1)

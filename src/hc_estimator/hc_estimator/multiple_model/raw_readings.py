@@ -79,6 +79,16 @@ def has_jumped(finder: Any, channel: int, first: int, last: int) -> bool:
 
 
 @compiled
+def is_stuck(finder: Any, channel: int, first: int, last: int) -> bool:
+    """True if some readings are all the same number."""
+    values = finder.raw_value[channel]
+    for k in range(first, last):
+        if values[k % RAW] != values[(k + 1) % RAW]:
+            return False
+    return bool(first < last)
+
+
+@compiled
 def _bend(finder: Any, channel: int, number: int) -> float:
     """How far a reading lies from the line through the two before it [mm] or [N]."""
     times, values = finder.raw_time[channel], finder.raw_value[channel]

@@ -251,13 +251,15 @@ HELD_READINGS = record_type(
     )
 )
 
-# Readings that were refused; see `outliers`.
+# Readings that were refused; see `outliers` and `jumps`.
 GATE = record_type(
     (
         Field("refused_from", np.float64, (2,)),  # stamp of the first of those in a row [s]
-        Field(
-            "jumped_at", np.float64, (), np.nan, finite=False
-        ),  # displacement; NaN: it did not [s]
+        # Displacement that jumped or stands still, stamp [s]; NaN: it did not.
+        Field("jumped_at", np.float64, (), np.nan, finite=False),
+        Field("stuck", np.int64, (), 0, 1),  # 1 if it is the same number again and again
+        Field("agreeing", np.int64, (), 0),  # forces in a row that agree with it
+        Field("agrees_from", np.float64),  # stamp of the first of them [s]
     )
 )
 

@@ -1,0 +1,161 @@
+"""A displacement that jumped, or a channel that stands still: when is it believed?
+
+No tool jumps, and no sensor with noise says the same number again and again: a tracker gives zeros
+or its last place while it has lost its marker, an encoder has a bad contact, a network repeats what
+it had. Believed, a few such readings taught a K that was ten times too high. Nor may they be
+refused for good: a robot moves while its pose stands still, an encoder is zeroed. The other sensor
+says which: a displacement is believed once the force is the one that the law says there, and at the
+latest after half a second; the motion then begins anew. A force that stands still is believed
+after a fifth of a second.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model import grid as grids
+from hc_estimator.multiple_model import raw_readings
+from hc_estimator.multiple_model.delay_records import RAW
+from hc_estimator.multiple_model.hypotheses import DEPTH, EXPONENT, LOG_STIFFNESS
+from hc_estimator.multiple_model.kalman import depth_of, force_at
+
+JUMP_TIME = 0.5  # for which a displacement is not believed, unless the force agrees [s]
+STUCK_TIME = 0.2  # for which a force that stands still is not [s]
+JUMPS_BACK = 0.5  # of the half width of the gate, that a displacement comes back by at least
+AGREEING = 4  # forces in a row that agree with a displacement that jumped
+STUCK_AGREEING = 10  # that agree with one that stands still, as a tool does that was stopped,
+STUCK_AGREEING_TIME = 0.05  # and for how long [s]
+STEPS = 3  # between readings that say a velocity
+DEVIATIONS = 3.0
+ALIKE = 0.1  # of a force, within which another one agrees
+UNSURE = 0.3  # deviation of ln F, from which on a law says nothing
+LEAST_DEPTH = 0.05  # [mm]
+
+
+@compiled
+def forget(gate: Any) -> None:
+    """The displacement is believed."""
+    gate.jumped_at = math.nan
+    gate.agreeing = 0
+
+
+@compiled
+def goes_on(gate: Any) -> bool:
+    """True while a displacement that jumped or stands still is not believed."""
+    return not math.isnan(gate.jumped_at)
+
+
+@compiled
+def begins(bank: Any, channel: int, stamp: float, count: int) -> bool:
+    """True if readings that were refused are not to be believed, however many they are.
+
+    Args:
+        bank: gate is changed.
+        channel: 0 or 1.
+        stamp: of the latest [s].
+        count: of those before it.
+    """
+    gate = bank.gate
+    last = _number_of(bank, channel, stamp)
+    first = max(last - count, raw_readings.oldest(bank.delay, channel) + 2)
+    stuck = raw_readings.is_stuck(bank.delay, channel, first, last)
+    if channel == 1:
+        return bool(stuck and stamp - gate.refused_from[1] < STUCK_TIME)
+    if not (stuck or raw_readings.has_jumped(bank.delay, 0, first, last)):
+        return False
+    gate.jumped_at = stamp
+    gate.agreeing = 0
+    gate.stuck = 1 if stuck else 0
+    return True
+
+
+@compiled
+def is_back(bank: Any, stamp: float, half_width: float) -> bool:
+    """True if a displacement inside of the gate came there by a jump.
+
+    What is not known any more grows, and with it the gate: readings that jumped are inside by
+    themselves in the end.
+
+    Args:
+        bank: with the raw readings.
+        stamp: of the reading [s].
+        half_width: of the gate [mm].
+    """
+    finder, here = bank.delay, _number_of(bank, 0, stamp)
+    if here <= raw_readings.oldest(finder, 0):
+        return False
+    step = finder.raw_value[0, here % RAW] - finder.raw_value[0, (here - 1) % RAW]
+    return bool(abs(step) > JUMPS_BACK * half_width)
+
+
+@compiled
+def is_believed(settings: Any, bank: Any, row: Any, stamp: float) -> bool:
+    """True if what a displacement says is to be believed by now.
+
+    Args:
+        settings: settings record.
+        bank: gate is changed.
+        row: that is chosen.
+        stamp: of the reading [s].
+    """
+    gate, finder = bank.gate, bank.delay
+    here = _number_of(bank, 0, stamp)
+    if gate.stuck != 0 and not raw_readings.is_stuck(finder, 0, here - 1, here):
+        gate.stuck = 0  # it goes on, maybe somewhere else
+        gate.agreeing = 0
+    if not stamp - gate.jumped_at < JUMP_TIME:
+        return True
+    if not _agrees(settings, bank, row, here):
+        gate.agreeing = 0
+        return False
+    if gate.agreeing == 0:
+        gate.agrees_from = stamp
+    gate.agreeing += 1
+    if gate.stuck == 0:
+        return bool(gate.agreeing >= AGREEING)
+    long = stamp - gate.agrees_from >= STUCK_AGREEING_TIME
+    return bool(long and gate.agreeing >= STUCK_AGREEING)
+
+
+@compiled
+def _agrees(settings: Any, bank: Any, row: Any, here: int) -> bool:
+    """True if the force is the one that the law says at a displacement and its velocity.
+
+    Args:
+        settings: settings record.
+        bank: with the readings.
+        row: whose law it is.
+        here: number of the displacement.
+    """
+    finder, clock, covariance = bank.delay, bank.clock, row.covariance
+    values, fastest = finder.raw_value[0], math.sqrt(bank.maneuver.square_speed)
+    slow, fast = -fastest, fastest
+    before = here - min(bank.gate.agreeing, STEPS)
+    if raw_readings.oldest(finder, 0) <= before < here:
+        elapsed = finder.raw_time[0, here % RAW] - finder.raw_time[0, before % RAW]
+        velocity = (values[here % RAW] - values[before % RAW]) / elapsed
+        spread = DEVIATIONS * math.sqrt(2.0 * bank.sensor_noise[0]) / elapsed
+        slow = min(max(velocity - spread, -fastest), fastest)
+        fast = min(max(velocity + spread, -fastest), fastest)
+    depth = values[here % RAW] - (row.state[DEPTH] - depth_of(row))
+    log_depth = math.log(max(depth, LEAST_DEPTH))
+    unsure = covariance[LOG_STIFFNESS, LOG_STIFFNESS] + log_depth * (
+        2.0 * covariance[LOG_STIFFNESS, EXPONENT] + log_depth * covariance[EXPONENT, EXPONENT]
+    )
+    if not unsure < UNSURE * UNSURE:
+        return False
+    low = force_at(settings, row, depth, slow)
+    high = force_at(settings, row, depth, fast)
+    within = settings.outlier_gate * math.sqrt(bank.sensor_noise[1] + row.model_error)
+    within += (ALIKE + DEVIATIONS * math.sqrt(max(unsure, 0.0))) * high
+    force = clock.measurement[1] if clock.present[1] != 0 else bank.given.latest_force
+    return bool(low - within <= force <= high + within)
+
+
+@compiled
+def _number_of(bank: Any, channel: int, stamp: float) -> int:
+    """Number of the reading of a stamp [s]."""
+    half = 0.5 * grids.period(bank.delay, channel)
+    return raw_readings.latest_up_to(bank.delay, channel, stamp + half)
