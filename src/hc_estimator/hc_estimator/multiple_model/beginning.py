@@ -70,7 +70,7 @@ def start(settings: Any, bank: Any) -> None:
     bank.calibrated = 0 if settings.noise_adaptation == DIFFERENCES else 1
     bank.guessed = 0
     bank.motion_anew = 0
-    jumps.forget(bank.gate)
+    jumps.restart(bank.gate)
     take_noise(settings, bank)
     for i in range(2):
         difference_noise.restart(bank.noise[i])

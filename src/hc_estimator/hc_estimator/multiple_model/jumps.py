@@ -6,7 +6,7 @@ it had. Believed, a few such readings taught a K that was ten times too high. No
 refused for good: a robot moves while its pose stands still, an encoder is zeroed. The other sensor
 says which: a displacement is believed once the force is the one that the law says there, and at the
 latest after half a second; the motion then begins anew. A force that stands still is believed
-after a fifth of a second.
+then as well.
 """
 
 from __future__ import annotations
@@ -21,8 +21,7 @@ from hc_estimator.multiple_model.delay_records import RAW
 from hc_estimator.multiple_model.hypotheses import DEPTH, EXPONENT, LOG_STIFFNESS
 from hc_estimator.multiple_model.kalman import depth_of, force_at
 
-JUMP_TIME = 0.5  # for which a displacement is not believed, unless the force agrees [s]
-STUCK_TIME = 0.2  # for which a force that stands still is not [s]
+LONGEST = 0.5  # for which a channel is not believed [s]
 JUMPS_BACK = 0.5  # of the half width of the gate, that a displacement comes back by at least
 AGREEING = 4  # forces in a row that agree with a displacement that jumped
 STUCK_AGREEING = 10  # that agree with one that stands still, as a tool does that was stopped,
@@ -32,6 +31,7 @@ DEVIATIONS = 3.0
 ALIKE = 0.1  # of a force, within which another one agrees
 UNSURE = 0.3  # deviation of ln F, from which on a law says nothing
 LEAST_DEPTH = 0.05  # [mm]
+REFUSED, BELIEVED = 1, 2  # a force that stands still
 
 
 @compiled
@@ -39,6 +39,14 @@ def forget(gate: Any) -> None:
     """The displacement is believed."""
     gate.jumped_at = math.nan
     gate.agreeing = 0
+    gate.stuck = 0
+
+
+@compiled
+def restart(gate: Any) -> None:
+    """The motion begins anew: both channels are believed."""
+    forget(gate)
+    gate.force_still = 0
 
 
 @compiled
@@ -60,20 +68,63 @@ def begins(bank: Any, channel: int, stamp: float, count: int) -> bool:
     gate = bank.gate
     last = _number_of(bank, channel, stamp)
     first = max(last - count, raw_readings.oldest(bank.delay, channel) + 2)
-    stuck = raw_readings.is_stuck(bank.delay, channel, first, last)
+    stuck = raw_readings.are_equal(bank.delay, channel, first, last)
     if channel == 1:
-        return bool(stuck and stamp - gate.refused_from[1] < STUCK_TIME)
+        return bool(stuck and stamp - gate.refused_from[1] < LONGEST)
     if not (stuck or raw_readings.has_jumped(bank.delay, 0, first, last)):
         return False
-    gate.jumped_at = stamp
-    gate.agreeing = 0
-    gate.stuck = 1 if stuck else 0
+    _begin(gate, stamp, stuck)
     return True
 
 
 @compiled
+def _begin(gate: Any, stamp: float, stuck: bool) -> None:
+    """Believe no displacement from a stamp on [s]."""
+    gate.jumped_at = stamp
+    gate.agreeing = 0
+    gate.stuck = 1 if stuck else 0
+
+
+@compiled
+def stands_still(bank: Any, channel: int, stamp: float) -> bool:
+    """True if a reading only repeats what a sensor said before, inside of the gate as well.
+
+    Args:
+        bank: gate is changed.
+        channel: 0 or 1.
+        stamp: of the reading [s].
+    """
+    gate, finder = bank.gate, bank.delay
+    last, noise = _number_of(bank, channel, stamp), bank.sensor_noise[channel]
+    still = raw_readings.stands_still(finder, channel, last, noise)
+    if channel == 0:
+        if still:
+            gate.refused_from[0] = stamp
+            _begin(gate, stamp, True)
+        return still  # type: ignore[no-any-return]
+    if not still:
+        if gate.force_still == REFUSED:
+            half = 0.5 * grids.period(finder, 1)
+            raw_readings.replace_refused(finder, 1, gate.still_from - half, stamp - half, False)
+        gate.force_still = 0
+        return False
+    if gate.force_still == 0:
+        gate.force_still = REFUSED
+        gate.still_from = stamp
+    if not stamp - gate.still_from < LONGEST:
+        gate.force_still = BELIEVED
+    return bool(gate.force_still == REFUSED)
+
+
+@compiled
+def waits(gate: Any) -> bool:
+    """True while readings are not believed that the grid would take."""
+    return bool(goes_on(gate) or gate.force_still == REFUSED)
+
+
+@compiled
 def is_back(bank: Any, stamp: float, half_width: float) -> bool:
-    """True if a displacement inside of the gate came there by a jump.
+    """True if a displacement inside of the gate came there by a jump, or moves again.
 
     What is not known any more grows, and with it the gate: readings that jumped are inside by
     themselves in the end.
@@ -87,6 +138,8 @@ def is_back(bank: Any, stamp: float, half_width: float) -> bool:
     if here <= raw_readings.oldest(finder, 0):
         return False
     step = finder.raw_value[0, here % RAW] - finder.raw_value[0, (here - 1) % RAW]
+    if bank.gate.stuck != 0:
+        return bool(step != 0.0)
     return bool(abs(step) > JUMPS_BACK * half_width)
 
 
@@ -102,10 +155,10 @@ def is_believed(settings: Any, bank: Any, row: Any, stamp: float) -> bool:
     """
     gate, finder = bank.gate, bank.delay
     here = _number_of(bank, 0, stamp)
-    if gate.stuck != 0 and not raw_readings.is_stuck(finder, 0, here - 1, here):
+    if gate.stuck != 0 and not raw_readings.are_equal(finder, 0, here - 1, here):
         gate.stuck = 0  # it goes on, maybe somewhere else
         gate.agreeing = 0
-    if not stamp - gate.jumped_at < JUMP_TIME:
+    if not stamp - gate.jumped_at < LONGEST:
         return True
     if not _agrees(settings, bank, row, here):
         gate.agreeing = 0

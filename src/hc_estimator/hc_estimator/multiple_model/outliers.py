@@ -58,11 +58,14 @@ def is_outlier(settings: Any, bank: Any, chosen: Any, channel: int, place: float
         return False
     stamp = place + (clock.offset if channel == 0 else bank.delay.delay)
     if clock.restart != 0:
-        jumps.forget(bank.gate)
+        jumps.restart(bank.gate)
     if channel == 0 and jumps.goes_on(bank.gate):
         return _is_still_off(
             settings, bank, chosen, stamp, outside, math.sqrt(limit_squared * variance)
         )
+    looks = bank.calibrated != 0 and settings.outlier_limit > 0
+    if looks and jumps.stands_still(bank, channel, stamp):
+        return True
     if not outside:
         if count > 0:
             _replace_refused(bank, channel, stamp)
@@ -89,7 +92,8 @@ def is_outlier(settings: Any, bank: Any, chosen: Any, channel: int, place: float
 def waits(settings: Any, bank: Any) -> bool:
     """True as long as nobody knows whether readings that were refused are wrong."""
     counts, limit = bank.clock.outlier_counts, settings.outlier_limit
-    return bool(0 < counts[0] <= limit or 0 < counts[1] <= limit)
+    refused = 0 < counts[0] <= limit or 0 < counts[1] <= limit
+    return bool(refused or jumps.waits(bank.gate))
 
 
 @compiled

@@ -18,6 +18,9 @@ FAR = 8.0
 CALM, CALM_BLOCKS = 8, 3
 BACK = 0.5  # share of a bend that the next one goes back at least where a place jumped
 SPIKE = 3.0  # times the steps beside it, beyond which a force is a spike
+FEWEST_EQUAL = 4  # steps in a row that are none
+LOOKED_AT = 64  # steps before them that say how likely that is
+LOG_CHANCE = -20.0  # logarithm of the chance that is none
 ON_A_LINE = 2  # refused readings in a row that are replaced; more of them are taken out
 
 
@@ -79,13 +82,48 @@ def has_jumped(finder: Any, channel: int, first: int, last: int) -> bool:
 
 
 @compiled
-def is_stuck(finder: Any, channel: int, first: int, last: int) -> bool:
+def are_equal(finder: Any, channel: int, first: int, last: int) -> bool:
     """True if some readings are all the same number."""
     values = finder.raw_value[channel]
     for k in range(first, last):
         if values[k % RAW] != values[(k + 1) % RAW]:
             return False
     return bool(first < last)
+
+
+@compiled
+def stands_still(finder: Any, channel: int, last: int, noise: float) -> bool:
+    """True if a reading repeats those before it as no sensor with that noise does.
+
+    Where the noise is less than what the readings are rounded to, they repeat at rest. Beyond that
+    by the share of those that do.
+
+    Args:
+        finder: with the readings.
+        channel: 0 or 1.
+        last: number of the reading.
+        noise: variance of the sensor [mm^2] or [N^2].
+    """
+    values, oldest_one = finder.raw_value[channel], oldest(finder, channel)
+    if last - FEWEST_EQUAL < oldest_one or not are_equal(
+        finder, channel, last - FEWEST_EQUAL, last
+    ):
+        return False
+    first = last - FEWEST_EQUAL
+    while first > oldest_one and values[(first - 1) % RAW] == values[last % RAW]:
+        first -= 1
+    before = min(first - 1 - oldest_one, LOOKED_AT)
+    if before < LOOKED_AT:
+        return False
+    repeats, smallest = 0, math.inf
+    for k in range(first - 1 - LOOKED_AT, first - 1):
+        step = abs(values[(k + 1) % RAW] - values[k % RAW])
+        if step == 0.0:
+            repeats += 1
+        else:
+            smallest = min(smallest, step)
+    share = max(repeats / LOOKED_AT, 1.0 / LOOKED_AT)
+    return bool(smallest**2 < noise and (last - first) * math.log(share) < LOG_CHANCE)
 
 
 @compiled
