@@ -28,6 +28,7 @@ STUCK_AGREEING = 10  # that agree with one that stands still, as a tool does tha
 STUCK_AGREEING_TIME = 0.05  # and for how long [s]
 STEPS = 3  # between readings that say a velocity
 DEVIATIONS = 3.0
+SAME = 4.0  # deviations within which two forces are the same
 ALIKE = 0.1  # of a force, within which another one agrees
 UNSURE = 0.3  # deviation of ln F, from which on a law says nothing
 LEAST_DEPTH = 0.05  # [mm]
@@ -69,6 +70,8 @@ def begins(bank: Any, channel: int, stamp: float, count: int) -> bool:
     last = _number_of(bank, channel, stamp)
     first = max(last - count, raw_readings.oldest(bank.delay, channel) + 2)
     stuck = raw_readings.are_equal(bank.delay, channel, first, last)
+    if stuck:
+        gate.refused_from[channel] = _still_from(bank, channel, last)
     if channel == 1:
         return bool(stuck and stamp - gate.refused_from[1] < LONGEST)
     if not (stuck or raw_readings.has_jumped(bank.delay, 0, first, last)):
@@ -99,9 +102,9 @@ def stands_still(bank: Any, channel: int, stamp: float) -> bool:
     still = raw_readings.stands_still(finder, channel, last, noise)
     if channel == 0:
         if still:
-            gate.refused_from[0] = stamp
+            gate.refused_from[0] = _still_from(bank, 0, last)
             _begin(gate, stamp, True)
-        return still  # type: ignore[no-any-return]
+        return still
     if not still:
         if gate.force_still == REFUSED:
             half = 0.5 * grids.period(finder, 1)
@@ -110,10 +113,24 @@ def stands_still(bank: Any, channel: int, stamp: float) -> bool:
         return False
     if gate.force_still == 0:
         gate.force_still = REFUSED
-        gate.still_from = stamp
+        gate.still_from = _still_from(bank, 1, last)
     if not stamp - gate.still_from < LONGEST:
         gate.force_still = BELIEVED
     return bool(gate.force_still == REFUSED)
+
+
+@compiled
+def _still_from(bank: Any, channel: int, last: int) -> float:
+    """Stamp of the first wrong reading of a channel that stands still [s].
+
+    That is the first which only repeats the one before it, unless that was refused before.
+    """
+    finder = bank.delay
+    first = min(raw_readings.equal_since(finder, channel, last) + 1, last)
+    stamp = finder.raw_time[channel, first % RAW]
+    if bank.clock.outlier_counts[channel] > 0:
+        stamp = min(stamp, bank.gate.refused_from[channel])
+    return stamp  # type: ignore[no-any-return]
 
 
 @compiled
@@ -160,11 +177,19 @@ def is_believed(settings: Any, bank: Any, row: Any, stamp: float) -> bool:
         gate.agreeing = 0
     if not stamp - gate.jumped_at < LONGEST:
         return True
-    if not _agrees(settings, bank, row, here):
+    clock = bank.clock
+    force = clock.measurement[1] if clock.present[1] != 0 else bank.given.latest_force
+    agrees = _agrees(settings, bank, row, here, force)
+    if gate.stuck != 0 and gate.agreeing > 0:
+        # Beside a tool at rest the force stays what it is, but for its noise.
+        change = (force - gate.agrees_force) ** 2
+        agrees = agrees and 0.0 < change < SAME * SAME * 2.0 * bank.sensor_noise[1]
+    if not agrees:
         gate.agreeing = 0
         return False
     if gate.agreeing == 0:
         gate.agrees_from = stamp
+        gate.agrees_force = force
     gate.agreeing += 1
     if gate.stuck == 0:
         return bool(gate.agreeing >= AGREEING)
@@ -173,7 +198,7 @@ def is_believed(settings: Any, bank: Any, row: Any, stamp: float) -> bool:
 
 
 @compiled
-def _agrees(settings: Any, bank: Any, row: Any, here: int) -> bool:
+def _agrees(settings: Any, bank: Any, row: Any, here: int, force: float) -> bool:
     """True if the force is the one that the law says at a displacement and its velocity.
 
     Args:
@@ -181,8 +206,9 @@ def _agrees(settings: Any, bank: Any, row: Any, here: int) -> bool:
         bank: with the readings.
         row: whose law it is.
         here: number of the displacement.
+        force: [N].
     """
-    finder, clock, covariance = bank.delay, bank.clock, row.covariance
+    finder, covariance = bank.delay, row.covariance
     values, fastest = finder.raw_value[0], math.sqrt(bank.maneuver.square_speed)
     slow, fast = -fastest, fastest
     before = here - min(bank.gate.agreeing, STEPS)
@@ -203,7 +229,6 @@ def _agrees(settings: Any, bank: Any, row: Any, here: int) -> bool:
     high = force_at(settings, row, depth, fast)
     within = settings.outlier_gate * math.sqrt(bank.sensor_noise[1] + row.model_error)
     within += (ALIKE + DEVIATIONS * math.sqrt(max(unsure, 0.0))) * high
-    force = clock.measurement[1] if clock.present[1] != 0 else bank.given.latest_force
     return bool(low - within <= force <= high + within)
 
 

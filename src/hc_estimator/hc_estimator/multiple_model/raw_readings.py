@@ -18,9 +18,9 @@ FAR = 8.0
 CALM, CALM_BLOCKS = 8, 3
 BACK = 0.5  # share of a bend that the next one goes back at least where a place jumped
 SPIKE = 3.0  # times the steps beside it, beyond which a force is a spike
-FEWEST_EQUAL = 4  # steps in a row that are none
+FEWEST_EQUAL = 3  # steps in a row that are none
 LOOKED_AT = 64  # steps before them that say how likely that is
-LOG_CHANCE = -20.0  # logarithm of the chance that is none
+LOG_CHANCE = -12.0  # logarithm of a chance that is none: a reading in minutes is lost by it
 ON_A_LINE = 2  # refused readings in a row that are replaced; more of them are taken out
 
 
@@ -92,6 +92,15 @@ def are_equal(finder: Any, channel: int, first: int, last: int) -> bool:
 
 
 @compiled
+def equal_since(finder: Any, channel: int, last: int) -> int:
+    """Number of the first reading that is the same as one and all after it."""
+    values, first = finder.raw_value[channel], last
+    while first > oldest(finder, channel) and values[(first - 1) % RAW] == values[last % RAW]:
+        first -= 1
+    return first
+
+
+@compiled
 def stands_still(finder: Any, channel: int, last: int, noise: float) -> bool:
     """True if a reading repeats those before it as no sensor with that noise does.
 
@@ -109,9 +118,7 @@ def stands_still(finder: Any, channel: int, last: int, noise: float) -> bool:
         finder, channel, last - FEWEST_EQUAL, last
     ):
         return False
-    first = last - FEWEST_EQUAL
-    while first > oldest_one and values[(first - 1) % RAW] == values[last % RAW]:
-        first -= 1
+    first = equal_since(finder, channel, last)
     before = min(first - 1 - oldest_one, LOOKED_AT)
     if before < LOOKED_AT:
         return False

@@ -260,6 +260,7 @@ GATE = record_type(
         Field("stuck", np.int64, (), 0, 1),  # 1 if it is the same number again and again
         Field("agreeing", np.int64, (), 0),  # forces in a row that agree with it
         Field("agrees_from", np.float64),  # stamp of the first of them [s]
+        Field("agrees_force", np.float64),  # that one [N]
         Field("force_still", np.int64, (), 0, 2),  # 1 if it stands still, 2 if it is believed
         Field("still_from", np.float64),  # stamp from which on [s]
     )
