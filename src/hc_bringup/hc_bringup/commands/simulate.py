@@ -15,6 +15,8 @@ BAG_EPOCH_NS = 1_000_000_000 * 1_000_000_000
 """Stamp of the first sample in a bag: fixed, so that the same seed gives the same bytes."""
 BLOCK = 1024
 """Samples written at a time."""
+TABLE_SUFFIXES = (".txt", ".tsv", ".dat", ".gz", ".bz2", ".xz", ".parquet", ".mat", ".xlsx")
+"""Of files that are not written: a bag would be a folder of that name."""
 TRUTH_TYPE = "hc_msgs/msg/IndenterTruth"
 
 
@@ -51,11 +53,20 @@ def run(arguments: argparse.Namespace) -> int:
     target = Path(arguments.output)
     if target.exists():
         raise UserError(f"{target} exists already: choose another name", WRONG_USE)
+    if target.suffix.lower() in TABLE_SUFFIXES:
+        raise UserError(
+            f"{target}: give a name that ends in .csv, or that of the folder of a bag", WRONG_USE
+        )
     try:
         rig = Rig(load_scenario(arguments.scenario), arguments.seed)
         series = rig.run(arguments.duration)
     except (ScenarioError, OSError) as error:
         raise UserError(str(error), WRONG_USE) from error
+    if not len(series):
+        raise UserError(
+            f"--duration {arguments.duration:g}: no sample is taken in it, at {rig.rate_hz:g} Hz",
+            WRONG_USE,
+        )
     if target.suffix.lower() == ".csv":
         _write_csv(target, series)
     else:
