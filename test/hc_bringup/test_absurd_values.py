@@ -37,3 +37,16 @@ def test_one_line_and_nothing_written(
     assert (status, told.out, told.err.count("\n")) == (2, "", 1)
     assert expected in told.err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_simulation_says_that_it_leaves_out_the_taxels(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """Regression: a bag without a tactile sample, and not a word."""
+    for scenario, said in (("taxels", "holds the tip alone"), ("multisine", "")):
+        assert (
+            main(["simulate", scenario, "-o", f"{tmp_path / scenario}", "--duration", "0.1"]) == 0
+        )
+        error = capsys.readouterr().err
+        assert said in error
+        assert error.count("\n") == bool(said)

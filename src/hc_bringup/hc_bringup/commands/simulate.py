@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from typing import Any
 
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import natural, new_file_name, positive
+from hc_bringup.wrapping import wrapped
 
 HELP = "run a scenario of the rig as fast as possible into a CSV file or a bag"
 COMPILES = True
@@ -58,7 +60,8 @@ def run(arguments: argparse.Namespace) -> int:
             f"{target}: give a name that ends in .csv, or that of the folder of a bag", WRONG_USE
         )
     try:
-        rig = Rig(load_scenario(arguments.scenario), arguments.seed)
+        scenario = load_scenario(arguments.scenario)
+        rig = Rig(scenario, arguments.seed)
         series = rig.run(arguments.duration)
     except (ScenarioError, OSError) as error:
         raise UserError(str(error), WRONG_USE) from error
@@ -72,6 +75,12 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         _write_bag(target, series, arguments.scenario)
     print(f"{len(series)} samples at {rig.rate_hz:g} Hz written to {target}")
+    if scenario.taxels is not None:
+        line = (
+            f"{target} holds the tip alone: what the taxels read is published, and recorded, by "
+            f"hc run --scenario {arguments.scenario}"
+        )
+        print(wrapped(line, stream=sys.stderr), file=sys.stderr)
     return 0
 
 
