@@ -1,5 +1,8 @@
 """EstimatorArray: every channel has the numbers of an estimator of its own, bit for bit."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -202,3 +205,16 @@ def test_what_chooses_no_channel_is_a_type_error(wrong):
     estimates = hc.EstimatorArray("ekf", CHANNELS).run(time, depths, forces)
     with pytest.raises(TypeError, match="chosen by a whole number"):
         estimates[wrong]
+
+
+@pytest.mark.parametrize(
+    "twin", [copy.deepcopy, lambda array: pickle.loads(pickle.dumps(array))], ids=["copy", "pickle"]
+)
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_copy_goes_on_alone_however_many_threads(twin, threads):
+    """Regression: with threads, TypeError: cannot pickle '_queue.SimpleQueue' object."""
+    array = hc.EstimatorArray("ekf", 4, threads=threads)
+    array.step(0.0, np.ones(4), np.ones(4))
+    other = twin(array)
+    found = other.step(0.1, np.full(4, 2.0), np.full(4, 3.0)).parameters
+    np.testing.assert_array_equal(array.step(0.1, [2.0] * 4, [3.0] * 4).parameters, found)

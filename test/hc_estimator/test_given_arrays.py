@@ -82,6 +82,22 @@ def test_dates_are_no_seconds(press: Columns, make: Callable[[Any], Any], said: 
         hc.EstimatorArray("ekf", 1).run(make(stamps), *(column[None] for column in press[1:]))
 
 
+@pytest.mark.parametrize("large", [10**400, -(10**400)])
+def test_a_number_that_no_float_holds_is_a_refused_reading(large: int) -> None:
+    """Regression: OverflowError, int too large to convert to float."""
+    np.testing.assert_array_equal(as_numbers("force_n", [1, large]), [1.0, np.sign(large) * np.inf])
+    channels = hc.EstimatorArray("ekf", 2)
+    assert all(channels.step(large, [1.0, 1.0], [0.1, 0.1]).rejected)
+    rejected = channels.step(1.0, [1.0, large], [0.1, 0.1]).rejected
+    assert [bool(reason) for reason in rejected] == [False, True]
+
+
+@pytest.mark.parametrize("given", [["1.0", "a"], [[1.0], [1.0, 2.0]]])
+def test_what_is_no_number_is_said_of_which_argument(given: Any) -> None:
+    with pytest.raises(ValueError, match=r"^force_n h"):
+        as_numbers("force_n", given)
+
+
 def test_arrays_for_step_are_one_line(press: Columns) -> None:
     """Regression: "The requested array would exceed the maximum number of dimension of 1"."""
     with pytest.raises(TypeError, match="step takes three numbers, run takes arrays"):

@@ -11,9 +11,11 @@ from rclpy.serialization import deserialize_message
 
 from hc_estimator import EstimatorArray
 from hc_estimator.ros.array_node import ArrayEstimatorNode
+from hc_estimator.stream.array_status import ArrayHealth
 from hc_estimator.stream.array_stream import ArrayStream
 from hc_msgs_py.qos import ESTIMATE_QOS
 
+COUNTS = ("received", "late", "strays", "restarts", "undecodable", "skipped")
 START = 1_700_000_000_000_000_000
 MS = 1_000_000
 
@@ -104,6 +106,65 @@ def test_another_number_of_taxels_starts_afresh(stream):
     [estimates] = feed(stream, [10], taxels=5)
     assert len(estimates) == stream.taxels == 5
     assert "5 taxels instead of 3" in stream.fresh.reason
+
+
+def status_of(stream, health, **other):
+    names = ("received", "late", "strays", "restarts")
+    counts = {name: getattr(stream, name) for name in names}
+    silent_s = other.pop("silent_s", 0.0)
+    counts |= {"undecodable": 0, "skipped": 0} | other
+    afresh = "" if stream.fresh is None else stream.fresh.reason
+    found = health.problems(counts, silent_s=silent_s, afresh=afresh)
+    health.begin_anew()
+    return "; ".join(found)
+
+
+def feed_to(health, stream, numbers, spoil=lambda depth, force: None, **options):
+    for number in numbers:
+        depth, force = readings(number, options.get("taxels", 3))
+        spoil(depth, force)
+        stamp_ns = options.get("stamp_ns", START + number * MS)
+        series = stream.take(stamp_ns, number, depth, force)
+        if series is not None:
+            health.add(series.rejected)
+
+
+def test_what_is_wrong_with_the_stream_is_said_and_only_while_it_is(stream):
+    """Regression: "estimating", with stamps of zero, messages of no use, or nothing at all."""
+    health = ArrayHealth()
+    assert health.problems(dict.fromkeys(COUNTS, 0), silent_s=None, afresh="") == []
+    feed_to(health, stream, range(100))
+    assert status_of(stream, health) == ""
+    feed_to(health, stream, range(100, 200), stamp_ns=0)
+    assert status_of(stream, health).startswith("100 samples left out, whose stamps are zero")
+    assert "7 samples that cannot be read" in status_of(stream, health, undecodable=7)
+    assert "no sample for 3 s" in status_of(stream, health, undecodable=7, silent_s=3.0)
+    for number in range(200, 301):
+        feed_to(health, stream, [number], taxels=3 + number % 2)
+    assert "started afresh 100 times since the last status (3 taxels instead of 4)" in status_of(
+        stream, health, undecodable=7
+    )
+    feed_to(health, stream, range(301, 400))
+    assert status_of(stream, health, undecodable=7) == ""
+
+
+def test_taxels_without_a_reading_are_named(stream):
+    def spoil(depth, force):
+        force[1] = np.nan
+        depth[2] = 1e300
+
+    def mend_one(depth, force):
+        depth[2] = 1e300
+
+    health = ArrayHealth()
+    feed_to(health, stream, range(50), spoil)
+    assert health.without_reading == 2
+    assert "2 of 3 taxels give no reading" in status_of(stream, health)
+    feed_to(health, stream, range(50, 99), spoil)
+    feed_to(health, stream, [99], mend_one)
+    assert "1 of 3 taxels give no reading (NaN, infinite or beyond the limits): 2, cou" in (
+        status_of(stream, health)
+    )
 
 
 @pytest.fixture

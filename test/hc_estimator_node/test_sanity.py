@@ -188,6 +188,8 @@ def test_sentences_say_what_is_seen_and_what_to_do():
     called = sentence(1e-3 * time_s, displacement, force)  # Regression: "8333 Hz ... in minutes"
     assert "but would be 500 Hz if the times were in seconds, not in milliseconds" in called
     assert "(--units time=s of a CSV)" in called
+    days = sentence(time_s / 86_400.0, displacement, force)
+    assert "or 500 Hz if they were in days (time=d)" in days
     assert "force and displacement go down together" in sentence(
         *press(lift=-1.0)[:1], -press(lift=-1.0)[1], -press(lift=-1.0)[2]
     )

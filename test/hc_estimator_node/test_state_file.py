@@ -9,7 +9,15 @@ import pytest
 from hc_estimator import create_estimator
 from hc_estimator.ros.state_keeper import StateKeeper, parameters_of
 from hc_estimator.stream.session import EstimationSession
-from hc_estimator.stream.state_file import ON_TRIAL, RUNNING, SAVED, SET_ASIDE, StateFolder
+from hc_estimator.stream.state_file import (
+    ON_TRIAL,
+    RUNNING,
+    SAVED,
+    SET_ASIDE,
+    StateFolder,
+    freeze,
+    sealed,
+)
 from hc_estimator.stream.vocabulary import Cause, EventKind
 
 START = 1_700_000_000_000_000_000
@@ -18,6 +26,11 @@ START = 1_700_000_000_000_000_000
 def feed(session, samples, first=0):
     for number, (time_s, displacement, force) in enumerate(samples, first):
         session.process(START + round(time_s * 1e9), number, displacement, force)
+
+
+def resealed(data):
+    """Data of a state file that were changed, as a state that was written so."""
+    return sealed({name: value for name, value in data.items() if name != "checksum"})
 
 
 @pytest.fixture
@@ -81,7 +94,7 @@ def test_a_state_with_damaged_numbers_is_refused_and_changes_nothing(tmp_path, s
     path = StateFolder(tmp_path).save(SAVED, session)
     data = json.loads(path.read_text())
     data["estimator"]["memory"]["state"] = [1.0, 2.0]
-    path.write_text(json.dumps(data))
+    path.write_text(resealed(data))
     saved = StateFolder(tmp_path).load(SAVED)
     before = session.estimator.state()
     with pytest.raises(ValueError, match="damaged"):
@@ -110,13 +123,69 @@ def test_what_no_message_holds_is_refused_and_set_aside(tmp_path, session, damag
     state = json.loads(path.read_text())
     for name, value in damage.items():
         (state if name in state else state["estimator"])[name] = value
-    path.write_text(json.dumps(state))
+    path.write_text(resealed(state))
     said = []
     assert StateKeeper(str(tmp_path)).resume(1e9, lambda _state: None, said.append) is None
     (line,) = said
     assert next(iter(damage)) in line
     assert folder.exists(SET_ASIDE)
     assert not folder.exists(RUNNING)
+
+
+def _turned(text, place, bit):
+    raw = bytearray(text.encode())
+    raw[place] ^= 1 << bit
+    return bytes(raw)
+
+
+@pytest.mark.parametrize("is_packed", [True, False], ids=["kept", "saved"])
+def test_no_turned_bit_is_gone_on_from(tmp_path, session, is_packed):
+    """Regression: 1.3 N of a zero became 1.7 N, and any digit of a state another one."""
+    folder = StateFolder(tmp_path)
+    if is_packed:
+        path = folder.write_frozen(RUNNING, freeze(session, {"input.force.zero": 1.3}))
+    else:
+        path = folder.save(RUNNING, session)
+    whole, wanted = path.read_text(), folder.load(RUNNING)._replace(age_s=0.0)
+    draws = np.random.default_rng(3)
+    places = [*draws.integers(0, len(whole), 300), *range(20), *range(len(whole) - 90, len(whole))]
+    for place in places:
+        path.write_bytes(_turned(whole, place, int(draws.integers(8))))
+        try:
+            found = folder.load(RUNNING)._replace(age_s=0.0)
+        except ValueError as error:
+            assert str(path) in str(error)  # noqa: PT017
+        else:  # white space of another kind: the same data
+            assert found == wanted
+
+
+def test_a_file_that_was_edited_is_refused_and_says_what_to_do(tmp_path, session):
+    folder = StateFolder(tmp_path)
+    path = folder.save(SAVED, session)
+    path.write_text(json.dumps(json.loads(path.read_text()), indent=1))
+    folder.load(SAVED)  # written otherwise, with the same content
+    data = json.loads(path.read_text())
+    data["estimator"]["configuration"]["force_limit"] = 999.0
+    path.write_text(json.dumps(data))
+    with pytest.raises(ValueError, match=r"its checksum is of other numbers.*remove it"):
+        folder.load(SAVED)
+    del data["checksum"]
+    path.write_text(json.dumps(data))
+    with pytest.raises(ValueError, match="its checksum is of other numbers"):
+        folder.load(SAVED)
+
+
+def test_a_file_of_a_version_without_checksums_is_read(tmp_path, session):
+    folder = StateFolder(tmp_path)
+    path = folder.save(SAVED, session)
+    wanted = folder.load(SAVED).estimator
+    data = json.loads(path.read_text()) | {"format": 1}
+    path.write_text(json.dumps(data))
+    with pytest.raises(ValueError, match="checksum"):
+        folder.load(SAVED)  # one bit makes a 1 of a 3, say: where there is one, it counts
+    del data["checksum"]
+    path.write_text(json.dumps(data))
+    assert folder.load(SAVED).estimator == wanted
 
 
 def test_no_other_name_than_the_two_is_a_state_file(tmp_path, session):
@@ -227,6 +296,6 @@ def test_zeros_that_were_taken_while_it_ran_are_kept_with_the_state_and_not_save
     first.save(session)  # to be loaded when the sensors may have other zeros
     assert StateFolder(tmp_path).load(SAVED).settings == {}
     damaged = json.loads((tmp_path / SAVED).read_text()) | {"settings": [1]}
-    (tmp_path / SAVED).write_text(json.dumps(damaged))
+    (tmp_path / SAVED).write_text(resealed(damaged))
     with pytest.raises(ValueError, match="settings is"):
         StateFolder(tmp_path).load(SAVED)

@@ -32,6 +32,8 @@ SOURCES = (
     "hc_estimator/hc_estimator/stream/stamp_watch.py",
     "hc_estimator/hc_estimator/ros/moving_surface.py",
     "hc_estimator/hc_estimator/ros/status.py",
+    "hc_estimator/hc_estimator/ros/namesakes.py",
+    "hc_estimator/hc_estimator/stream/array_status.py",
     "hc_estimator/hc_estimator/ros/inputs.py",
     "hc_estimator/hc_estimator/stream/zero_steps.py",
     "hc_bringup/hc_bringup/read_otherwise.py",

@@ -21,6 +21,16 @@ def seconds(text: str) -> float:
     return _number(text, 0.0, "seconds >= 0")
 
 
+def millimetres(text: str) -> float:
+    """Parse a length: a finite number >= 0."""
+    return _number(text, 0.0, "millimetres >= 0")
+
+
+def newtons(text: str) -> float:
+    """Parse a force: a finite number >= 0."""
+    return _number(text, 0.0, "newtons >= 0")
+
+
 def positive(text: str) -> float:
     """Parse a finite number > 0."""
     value = _number(text, 0.0, "a number > 0")

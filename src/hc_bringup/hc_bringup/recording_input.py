@@ -146,8 +146,8 @@ def add_csv_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--units",
         metavar="UNITS",
-        help="time=s,displacement=mm,force=N: also ms, us, ns, min; m, cm, um, nm, in; mN, uN, nN, "
-        "kN, gf, kgf, lbf",
+        help="time=s,displacement=mm,force=N: also ms, us, ns, min, d; m, cm, um, nm, in; mN, uN, "
+        "nN, kN, gf, kgf, lbf",
     )
     group.add_argument(
         "--separator", metavar="C", help="comma, semicolon, tab, bar or space (or the character)"

@@ -94,11 +94,22 @@ class EstimatorArray:
         window = float(self.configuration["reorder_window"])
         late = bool(self.configuration["missing_readings"]) and window > 0.0
         self._late = [LateReadings(window) for _ in range(self._channels)] if late else []
-        self._pool: ThreadPoolExecutor | None = None
-        if self._threads > 1 and not self._late:
-            self._pool = ThreadPoolExecutor(self._threads, "channels")
+        self._pool = self._new_pool()
         edges = np.linspace(0, self._channels, self._threads + 1).round().astype(int).tolist()
         self._shares = [slice(a, b) for a, b in itertools.pairwise(edges)]
+
+    def _new_pool(self) -> ThreadPoolExecutor | None:
+        if self._threads == 1 or self._late:
+            return None
+        return ThreadPoolExecutor(self._threads, "channels")
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy, or another process, goes on from; it has threads of its own."""
+        return {name: value for name, value in vars(self).items() if name != "_pool"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._pool = self._new_pool()
 
     @property
     def channels(self) -> int:

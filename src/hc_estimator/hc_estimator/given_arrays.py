@@ -6,6 +6,9 @@ mask, nanoseconds since 1970 of a date, and half of a complex number. Here that 
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -20,6 +23,8 @@ _REFUSED = {
 def as_numbers(name: str, given: ArrayLike) -> NDArray[np.float64]:
     """Return what was given as float64; what is masked, or missing in a table, is NaN.
 
+    A whole number beyond float64 is infinite: a reading that is refused, not an error.
+
     Args:
         name: of the argument, for the message.
         given: readings.
@@ -30,7 +35,10 @@ def as_numbers(name: str, given: ArrayLike) -> NDArray[np.float64]:
     """
     if isinstance(given, np.ma.MaskedArray):
         given = np.ma.filled(given.astype(np.float64), np.nan)
-    values = np.asarray(given)
+    try:
+        values = np.asarray(given)
+    except ValueError as error:
+        raise ValueError(f"{name} has rows of different lengths: {error}") from None
     if values.dtype.kind in _REFUSED:
         raise TypeError(f"{name} holds {_REFUSED[values.dtype.kind]}")
     if values.dtype.kind == "O" and values.ndim:  # of a table with missing values
@@ -40,6 +48,18 @@ def as_numbers(name: str, given: ArrayLike) -> NDArray[np.float64]:
         return np.asarray(values, np.float64)
     except TypeError as error:
         raise TypeError(f"{name} holds what is no number: {error}") from None
+    except ValueError as error:
+        raise ValueError(f"{name} holds what is no number: {error}") from None
+    except OverflowError:
+        return np.array([_limited(v) for v in values.flat], np.float64).reshape(values.shape)
+
+
+def _limited(value: Any) -> float:
+    """Return a number as a float, infinite if no float is so large."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
 
 
 def _is_missing(value: object) -> bool:

@@ -26,6 +26,7 @@ from hc_estimator.ros.inputs import (
     publisher_conflict,
 )
 from hc_estimator.ros.lifecycle import answer_impossible_transitions
+from hc_estimator.ros.namesakes import Namesakes
 from hc_estimator.ros.node_settings import (
     NEEDS_OTHER_SUBSCRIPTIONS,
     READING,
@@ -100,6 +101,7 @@ class EstimatorNode(SampleFlow, ServiceCalls, LateDestruction, LifecycleNode):  
         self._diagnostics = DiagnosticsPublisher(
             self, "estimator", self._collect_status, in_parts=True
         )
+        self._namesakes = Namesakes(self)
         self._watch_clock()
         self._starts_by_itself = bool(self._settings.values["autostart"])
         self._compilation = Compilation(self.get_logger(), "the filters", all_filters())
@@ -329,6 +331,7 @@ class EstimatorNode(SampleFlow, ServiceCalls, LateDestruction, LifecycleNode):  
             return Status(Level.OK, "not active", {})
         self._status.wrenches_left_out = self._outputs.wrenches_left_out
         status = self._status.collect(self._input, self._suspicions.suspicions)
+        status = self._namesakes.added_to(status)
         if self._zeros.active:
             status = status._replace(values={**status.values, FEELS: self._zeros.feels})
         return status

@@ -16,6 +16,7 @@ from hc_logger.csv_columns import candidates, status_column
 from hc_logger.csv_header import Header, find_header
 from hc_logger.csv_layout import COLUMNS, NO_COLUMN, CsvLayout
 from hc_logger.csv_number import (
+    clock_period,
     has_groups,
     number,
     pair_in_doubt,
@@ -123,6 +124,7 @@ class _Finder:
             table.width,
             header=header.line,
             clock=clock,
+            clock_period_s=clock_period(self._cells(table, a)),
             nanoseconds=nanoseconds,
             rate_hz=self._options.rate_hz,
             decimal_is_sure=bool(self._options.decimal),

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
+from hc_logger.csv_number import DAY_S
+
 COLUMNS: Final = ("time_s", "displacement_mm", "force_N")
 NO_COLUMN: Final = -1
 """In the place of the column of a time that is counted."""
@@ -23,6 +25,7 @@ class CsvLayout(NamedTuple):
         width: cells in a row.
         header: the cells of the line of names, none if there is none.
         clock: whether the time is written as on a clock.
+        clock_period_s: after which it begins anew [s]: a day, or an hour if it shows no hours.
         nanoseconds: column of what is to be added to the time, NO_COLUMN if there is none.
         rate_hz: rows in a second; 0 if the file tells the time.
         decimal_is_sure: whether the user said what the decimal sign is.
@@ -42,6 +45,7 @@ class CsvLayout(NamedTuple):
     width: int
     header: tuple[str, ...] = ()
     clock: bool = False
+    clock_period_s: float = DAY_S
     nanoseconds: int = NO_COLUMN
     rate_hz: float = 0.0
     decimal_is_sure: bool = False

@@ -32,6 +32,8 @@ _CLOCK: Final = re.compile(
     r"(?P<hour>\d{1,2}):(?P<minute>\d{2}):(?P<second>\d{2})(?:[.,](?P<part>\d{1,12})|:(?P<ms>\d{3}))?"
     r"(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?(?:\s*(?:Z|UTC|[+-]\d{2}:?\d{2}))?"
 )
+_MINUTES: Final = re.compile(r"(?P<minute>\d{1,4}):(?P<second>\d{2})[.,](?P<part>\d{1,12})")
+"""As spreadsheets show a time, mm:ss.0; without a fraction it may be hours and minutes."""
 
 
 def number(cell: str, decimal: str, *, decimal_is_sure: bool = False) -> float | None:
@@ -127,6 +129,7 @@ def thousands_in_doubt(name: str, pair: tuple[str, str], decimal: str) -> str:
 def time_of_day(cell: str) -> float | None:
     """Return the seconds since midnight of a time as on a clock, with a date before it or not.
 
+    Of minutes and seconds with a fraction (59:58.125) since the full hour, or a timer's start.
     NaN for a cell that says there is none, None for other text.
     """
     text = cell.strip()
@@ -134,7 +137,10 @@ def time_of_day(cell: str) -> float | None:
         return math.nan
     found = _CLOCK.fullmatch(text) if ":" in text else None
     if found is None:
-        return None
+        found = _MINUTES.fullmatch(text)
+        if found is None or int(found["second"]) > 60:
+            return None
+        return 60.0 * int(found["minute"]) + float(f"{found['second']}.{found['part']}")
     hour, minute, second = (int(found[name]) for name in ("hour", "minute", "second"))
     if found["half"]:
         if not 1 <= hour <= 12:
@@ -146,12 +152,24 @@ def time_of_day(cell: str) -> float | None:
     return 3600.0 * hour + 60.0 * minute + second + part
 
 
-class Stopwatch:
-    """Makes times that only go on of times of day: from the first one, midnights counted."""
+def clock_period(cells: Iterable[str]) -> float:
+    """Return after how long a clock shows the same again [s]: an hour if it shows no hours."""
+    texts = (cell.strip() for cell in cells)
+    shown = [text for text in texts if text.lower() not in MISSING]
+    return 3600.0 if shown and all(map(_MINUTES.fullmatch, shown)) else DAY_S
 
-    def __init__(self) -> None:
+
+class Stopwatch:
+    """Makes times that only go on of times of day: from the first one, midnights counted.
+
+    Args:
+        period_s: after which the clock begins anew [s].
+    """
+
+    def __init__(self, period_s: float = DAY_S) -> None:
+        self._period_s = period_s
         self._first: float | None = None
-        self._days_s = 0.0
+        self._periods_s = 0.0
         self._last = math.nan
 
     def elapsed(self, time_of_day_s: float) -> float:
@@ -160,7 +178,7 @@ class Stopwatch:
             return time_of_day_s
         if self._first is None:
             self._first = time_of_day_s
-        elif time_of_day_s < self._last - DAY_S / 2.0:
-            self._days_s += DAY_S
+        elif time_of_day_s < self._last - self._period_s / 2.0:
+            self._periods_s += self._period_s
         self._last = time_of_day_s
-        return self._days_s + time_of_day_s - self._first
+        return self._periods_s + time_of_day_s - self._first

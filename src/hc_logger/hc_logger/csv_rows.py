@@ -74,7 +74,7 @@ class RowReader:
         self._indices = [i for i in layout.indices if i != NO_COLUMN]
         self._count = 0  # rows given
         self._time = -math.inf  # of the last row, as it is written
-        self._watch = Stopwatch()
+        self._watch = Stopwatch(layout.clock_period_s)
         self._interruption: _Interruption | None = None
         self._repeated: list[int] = []  # lines of headers that came again
         self._refused: list[tuple[int, str]] = []  # lines without a force, and the status there

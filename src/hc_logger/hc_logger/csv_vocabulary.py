@@ -10,7 +10,7 @@ STANDARD_GRAVITY: Final = 9.80665
 """m/s²: what makes a force of a gram."""
 
 UNITS: Final[dict[str, dict[str, float]]] = {
-    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0},
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "d": 86_400.0},
     "displacement": {"m": 1e3, "cm": 10.0, "mm": 1.0, "um": 1e-3, "nm": 1e-6, "in": 25.4},
     "force": {
         "N": 1.0,
@@ -51,6 +51,9 @@ _OTHER_SPELLINGS: Final = {
     "nsec": "ns",
     "nsecs": "ns",
     "minutes": "min",
+    "day": "d",
+    "days": "d",
+    "tage": "d",
     "metre": "m",
     "meter": "m",
     "metres": "m",
@@ -87,6 +90,8 @@ _OTHER_SPELLINGS: Final = {
     "pound": "lbf",
     "pounds": "lbf",
 }
+_DAY: Final = "d"
+"""A displacement elsewhere, and in "position d" what is desired: a unit of nothing but a time."""
 _ONLY_AS_FORCE: Final = ("g", "gramm", "kg", "lb", "lbs")
 NAMES: Final[dict[str, tuple[str, ...]]] = {
     "time": ("time", "t", "elapsed time", "timestamp", "time stamp", "test time", "zeit",
@@ -141,10 +146,10 @@ def unit_of(text: str, quantity: str | None = None) -> str | None:
     for unit in (bare, _OTHER_SPELLINGS.get(bare.lower(), "")):
         for kind, units in UNITS.items():
             if unit in units and quantity in (None, kind):
-                return unit
+                return unit if unit != _DAY or quantity == "time" else None
     # MM or n are no other unit than mm or N; M, MN and Nm (of a torque) are.
     without_case = _WITHOUT_CASE[quantity]
-    return without_case.get(bare.lower()) if bare.lower() not in ("m", "mn", "nm") else None
+    return without_case.get(bare.lower()) if bare.lower() not in ("m", "mn", "nm", "d") else None
 
 
 def split_name(cell: str, quantity: str | None = None) -> tuple[str, str | None]:
@@ -163,6 +168,8 @@ def split_name(cell: str, quantity: str | None = None) -> tuple[str, str | None]
         found = pattern.match(text)
         if found and found["name"]:
             unit = unit_of(found["unit"], quantity)
+            if unit == _DAY and _bare(found["name"]) not in NAMES["time"]:
+                unit = None
             if unit is not None or pattern is _IN_BRACKETS:
                 return _bare(found["name"]), unit
     return _bare(text), None

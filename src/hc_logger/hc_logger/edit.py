@@ -128,8 +128,17 @@ def merge_bags(
         Number of messages, and one line for each part of a source that could not be read.
 
     Raises:
-        BagError: if two bags have a topic with different types, or the target exists.
+        BagError: if two bags have a topic with different types, a bag is given twice, or the
+            target exists.
     """
+    known: dict[str, str | os.PathLike[str]] = {}
+    for source in sources:
+        place = os.path.realpath(source)
+        if place in known:
+            raise BagError(
+                f"{source} is given twice: its messages would be doubled, leave one away"
+            )
+        known[place] = source
     with ExitStack() as stack:
         bags = [stack.enter_context(open_bag(source)) for source in sources]
         kinds: dict[str, TypeDefinition] = {}
@@ -257,6 +266,8 @@ def _chosen(bag: Bag, selection: TopicSelection | None) -> list[str]:
         if name not in bag.topics:
             raise BagError(f"{bag.path} has no topic {name}; {hint(name, bag.topics, 'it has')}")
     topics = [name for name in bag.topics if selection is None or name in selection]
+    if not topics and selection is not None and any(map(selection.leaves_out, bag.topics)):
+        raise BagError(f"{bag.path}: nothing is left of its topics, {', '.join(bag.topics)}")
     if not topics:
         raise BagError(f"{bag.path} has no such topic; it has {', '.join(bag.topics) or 'none'}")
     return topics

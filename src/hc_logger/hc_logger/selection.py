@@ -32,7 +32,9 @@ class TopicSelection:
         """Return the names that are no patterns."""
         return [name for name in (*self._take, *self._leave) if not is_pattern(name)]
 
+    def leaves_out(self, topic: str) -> bool:
+        """Whether a topic is to be left out."""
+        return any(fnmatchcase(topic, p) for p in self._leave)
+
     def __contains__(self, topic: str) -> bool:
-        return any(fnmatchcase(topic, p) for p in self._take) and not any(
-            fnmatchcase(topic, p) for p in self._leave
-        )
+        return any(fnmatchcase(topic, p) for p in self._take) and not self.leaves_out(topic)

@@ -301,6 +301,27 @@ def test_recordings_are_found_once_and_results_never(
     assert names(f"deeper/bag/{mcap}") == [mcap]
 
 
+@pytest.mark.parametrize("links", [1, 3])
+def test_links_that_go_round_double_nothing(
+    make_recordings: MakeRecordings, tmp_path: Path, links: int
+) -> None:
+    """Regression: each recording came forty times; with two such links it never ended."""
+    folder = make_recordings(2)
+    (folder / "deeper").mkdir()
+    (folder / "deeper" / "b.csv").symlink_to(folder / "r0000.csv")
+    for number in range(links):
+        (folder / "deeper" / f"up{number}").symlink_to("..")
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "c.csv").write_text("")
+    (folder / "linked").symlink_to(tmp_path / "elsewhere")
+    (folder / ".hidden").mkdir()
+    (folder / ".hidden" / "d.csv").write_text("")
+    wanted = [folder / name for name in ("deeper/b.csv", "linked/c.csv", "r0000.csv", "r0001.csv")]
+    for pattern in ("**/*.csv", "**/**/*.csv", "**"):
+        found = sources.find_recordings([f"{folder}/{pattern}"], tmp_path / "out").recordings
+        assert [path for path in found if path.suffix] == wanted
+
+
 def test_wrong_use_is_one_line(
     make_recordings: MakeRecordings,
     tmp_path: Path,

@@ -71,3 +71,11 @@ def test_two_do_not_work_in_one_folder(
         other.kill()
         other.wait()
     assert batch(folder, "-o", target) == 0
+
+
+def test_a_batch_without_any_result_is_a_failure(tmp_path: Path) -> None:
+    """Regression: status 0, and a script went on with empty tables."""
+    for name in ("a.csv", "b.csv"):
+        (tmp_path / name).write_text("")
+    assert batch(tmp_path / "a.csv", tmp_path / "b.csv", "-o", tmp_path / "out") == 1
+    assert (tmp_path / "out" / "recordings.csv").is_file()

@@ -7,7 +7,7 @@ import glob
 import hashlib
 import os
 import stat
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -117,12 +117,57 @@ def _named_by(pattern: str, others: set[Path]) -> Iterator[Path]:
         yield from _below(path, others) if path.is_dir() else (path,)
         return
     any_suffix = bool(Path(pattern).suffix)
-    for name in glob.iglob(pattern, recursive=True):
+    for name in _matching(pattern):
         path = Path(name).absolute()
         if path.is_dir():
             yield from () if _is_batch(path) else _below(path, set())
         elif any_suffix or path.name.lower().endswith(_SUFFIXES):
             yield path
+
+
+def _matching(pattern: str) -> Iterable[str]:
+    """Return the names that a pattern stands for; ** stands for folders, linked ones too.
+
+    Python's glob goes round where a link leads to a folder above it: each recording came forty
+    times, and where there are two such links it never ended.
+    """
+    names: dict[str, str] = {}
+    for name in sorted(_expanded(pattern), key=lambda name: (name.count(os.sep), name)):
+        folder, file = os.path.split(name)
+        names.setdefault(os.path.join(os.path.realpath(folder), file), name)
+    return names.values()
+
+
+def _expanded(pattern: str) -> Iterator[str]:
+    """Yield the names, and some by several ways where links lead there."""
+    parts = Path(pattern).parts
+    if "**" not in parts:
+        yield from glob.iglob(pattern)
+        return
+    at = parts.index("**")
+    rest = parts[at + 1 :]
+    for top in glob.iglob(os.path.join(*parts[:at])) if at else (os.curdir,):
+        for folder, files in _folders_once(top):
+            if rest:
+                yield from _expanded(os.path.join(glob.escape(folder), *rest))
+            else:
+                yield from (os.path.join(folder, name) for name in files)
+
+
+def _folders_once(top: str) -> Iterator[tuple[str, list[str]]]:
+    """Yield a folder and all below it, hidden ones left out, each once; with its files."""
+    seen: set[str] = set()
+    for folder, folders, files in os.walk(top, followlinks=True):
+        place = os.path.realpath(folder)
+        if place in seen:
+            folders.clear()
+            continue
+        seen.add(place)
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        # A folder is known by its own name, if it has one there, and not by that of a link.
+        linked = [name for name in folders if os.path.islink(os.path.join(folder, name))]
+        folders.sort(key=linked.__contains__)
+        yield folder, [name for name in files if not name.startswith(".")]
 
 
 def _below(folder: Path, others: set[Path]) -> Iterator[Path]:

@@ -14,7 +14,7 @@ from typing import Any
 from hc_bringup import cli, heartbeat, last_resort, recording_input
 from hc_bringup.command_words import option_words, reading_words
 from hc_bringup.commands.contacts import add_rule_options, add_sites_option
-from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.options import natural
 from hc_bringup.wrapping import wrapped
 
@@ -151,7 +151,14 @@ def run(arguments: argparse.Namespace) -> int:
         _tell(campaign, files, time.monotonic() - start, arguments)
     if gone:
         raise UserError(f"{gone}: what is done is kept, --resume goes on")
-    return cli.interrupted_status() if interrupted else 0
+    if interrupted:
+        return cli.interrupted_status()
+    return FAILURE if _without_any(campaign) else 0
+
+
+def _without_any(campaign: Any) -> bool:
+    """Whether not one recording gave a result: a script must not take that for a study."""
+    return campaign.done > 0 and all(done.result["reason"] for done in campaign.results())
 
 
 def _gathered(campaign: Any) -> list[str]:

@@ -10,7 +10,7 @@ from typing import Any
 from hc_bringup import recording_input
 from hc_bringup.commands import estimate
 from hc_bringup.errors import WRONG_USE, UserError
-from hc_bringup.options import positive, seconds
+from hc_bringup.options import millimetres, newtons, positive, seconds
 
 HELP = "write one row for each contact of a recording; --map draws the palpation map"
 COMPILES = True
@@ -56,14 +56,14 @@ def add_rule_options(parser: argparse.ArgumentParser) -> None:
     """Declare what counts as a contact, and where the tip's position is."""
     parser.add_argument(
         "--minimum-depth",
-        type=seconds,
+        type=millimetres,
         default=0.0,
         metavar="MM",
         help="shallower touches are left out",
     )
     parser.add_argument(
         "--minimum-force",
-        type=seconds,
+        type=newtons,
         default=0.0,
         metavar="N",
         help="weaker touches are left out",

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from typing import Any
 
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import natural, new_file_name, positive
+from hc_bringup.wrapping import wrapped
 
 HELP = "run a scenario of the rig as fast as possible into a CSV file or a bag"
 COMPILES = True
@@ -15,6 +17,8 @@ BAG_EPOCH_NS = 1_000_000_000 * 1_000_000_000
 """Stamp of the first sample in a bag: fixed, so that the same seed gives the same bytes."""
 BLOCK = 1024
 """Samples written at a time."""
+TABLE_SUFFIXES = (".txt", ".tsv", ".dat", ".gz", ".bz2", ".xz", ".parquet", ".mat", ".xlsx")
+"""Of files that are not written: a bag would be a folder of that name."""
 TRUTH_TYPE = "hc_msgs/msg/IndenterTruth"
 
 
@@ -51,16 +55,32 @@ def run(arguments: argparse.Namespace) -> int:
     target = Path(arguments.output)
     if target.exists():
         raise UserError(f"{target} exists already: choose another name", WRONG_USE)
+    if target.suffix.lower() in TABLE_SUFFIXES:
+        raise UserError(
+            f"{target}: give a name that ends in .csv, or that of the folder of a bag", WRONG_USE
+        )
     try:
-        rig = Rig(load_scenario(arguments.scenario), arguments.seed)
+        scenario = load_scenario(arguments.scenario)
+        rig = Rig(scenario, arguments.seed)
         series = rig.run(arguments.duration)
     except (ScenarioError, OSError) as error:
         raise UserError(str(error), WRONG_USE) from error
+    if not len(series):
+        raise UserError(
+            f"--duration {arguments.duration:g}: no sample is taken in it, at {rig.rate_hz:g} Hz",
+            WRONG_USE,
+        )
     if target.suffix.lower() == ".csv":
         _write_csv(target, series)
     else:
         _write_bag(target, series, arguments.scenario)
     print(f"{len(series)} samples at {rig.rate_hz:g} Hz written to {target}")
+    if scenario.taxels is not None:
+        line = (
+            f"{target} holds the tip alone: what the taxels read is published, and recorded, by "
+            f"hc run --scenario {arguments.scenario}"
+        )
+        print(wrapped(line, stream=sys.stderr), file=sys.stderr)
     return 0
 
 

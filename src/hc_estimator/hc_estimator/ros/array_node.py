@@ -24,8 +24,10 @@ from hc_estimator.kinds import (
 )
 from hc_estimator.ros.channel import Channel, SubscriptionError
 from hc_estimator.ros.compilation import Compilation
+from hc_estimator.ros.inputs import publisher_conflict, why_unmatched
 from hc_estimator.ros.services import add_service
 from hc_estimator.specification import checked_values
+from hc_estimator.stream.array_status import ArrayHealth
 from hc_estimator.stream.array_stream import ArrayStream
 from hc_estimator.stream.vocabulary import SessionSettings
 from hc_msgs_py.background import STARTING
@@ -103,6 +105,8 @@ class ArrayEstimatorNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._check_kind()
         self._failure: Exception | None = None
         self._skipped = self._undecodable = 0
+        self._health = ArrayHealth()
+        self._afresh = ""  # why, the last time
         self._computation, self._latency = DurationHistogram(), DurationHistogram()
         gap_s = SessionSettings.maximum_gap_s
         self._stream = ArrayStream(self._make, maximum_gap_s=gap_s)
@@ -180,8 +184,9 @@ class ArrayEstimatorNode(Node):  # type: ignore[misc]  # rclpy has no types
         )
         spent_ns = time.perf_counter_ns() - before
         if self._stream.fresh is not None:
-            reason, self._stream.fresh = self._stream.fresh.reason, None
-            self.get_logger().warning(f"started afresh: {reason}")
+            self._afresh, self._stream.fresh = self._stream.fresh.reason, None
+            # Two arrays on one topic start it afresh with every sample.
+            self.get_logger().warning(f"started afresh: {self._afresh}", throttle_duration_sec=5.0)
         if series is None:
             return
         out = self._encoder.record(len(series), stamp_ns)
@@ -193,6 +198,7 @@ class ArrayEstimatorNode(Node):  # type: ignore[misc]  # rclpy has no types
         out["computation_time"] = spent_ns * 1e-9
         out["latency"] = latency_ns * 1e-9
         self._publisher.publish(out.tobytes())
+        self._health.add(series.rejected)
         self._computation.add(spent_ns)
         self._latency.add(latency_ns)
 
@@ -219,6 +225,7 @@ class ArrayEstimatorNode(Node):  # type: ignore[misc]  # rclpy has no types
         if self._channel is None:
             return Status(Level.OK, f"{STARTING}{self._compilation.progress}", {})
         stream = self._stream
+        problems = self._problems(self._channel)
         values: dict[str, Any] = {
             "filter": self._kind["filter"],
             "taxels": stream.taxels,
@@ -230,18 +237,36 @@ class ArrayEstimatorNode(Node):  # type: ignore[misc]  # rclpy has no types
             "skipped": self._skipped,
             "undecodable": self._undecodable,
             "restarts": stream.restarts,
+            "taxels_without_reading": self._health.without_reading,
         }
+        self._health.begin_anew()
         for name, histogram in (("latency", self._latency), ("computation", self._computation)):
             if histogram.count:
                 for label, fraction in (("p50", 0.5), ("p99", 0.99)):
                     values[f"{name}_{label}_us"] = histogram.quantile_ns(fraction) / 1000.0
                 values[f"{name}_max_us"] = histogram.maximum_ns / 1000.0
             histogram.clear()
-        if self._skipped:
-            return Status(Level.WARN, f"cannot keep up: {self._skipped} samples left out", values)
+        if problems:
+            return Status(Level.WARN, "; ".join(problems), values)
         return Status(
             Level.OK, "estimating" if stream.used else "waits for the first sample", values
         )
+
+    def _problems(self, channel: Channel) -> list[str]:
+        """Say what is wrong with the stream since the last status, and with who publishes it."""
+        stream, came_ns = self._stream, channel.received_ns
+        counts = {
+            "received": stream.received,
+            "late": stream.late,
+            "strays": stream.strays,
+            "restarts": stream.restarts,
+            "undecodable": self._undecodable,
+            "skipped": self._skipped,
+        }
+        silent_s = (time.time_ns() - came_ns) * 1e-9 if came_ns else None
+        found = self._health.problems(counts, silent_s=silent_s, afresh=self._afresh)
+        about_publishers = publisher_conflict([channel]) or why_unmatched(channel)
+        return [about_publishers, *found] if about_publishers else found
 
     def finished(self) -> bool:
         """Whether the node wants to end by itself: never.

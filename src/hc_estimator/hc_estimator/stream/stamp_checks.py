@@ -134,6 +134,8 @@ def mistimed(readings: Readings) -> str:
     )
     factor, in_words, unit = next(fitting, (0.0, "", "ms"))
     guess = f", but would be {rate * factor:.4g} Hz if the times were in {in_words}"
+    if factor < 1.0 and _USUAL_HZ[0] <= rate / DAY_S <= _USUAL_HZ[1]:  # as spreadsheets write them
+        guess += f", or {rate / DAY_S:.4g} Hz if they were in days (time=d)"
     return (
         f"the readings come at {rate:.3g} Hz{guess if in_words else ''}: check the unit of the "
         f"stamps (--units time={unit} of a CSV), for B is wrong by the same factor"
@@ -141,6 +143,7 @@ def mistimed(readings: Readings) -> str:
 
 
 LEAST_TIMED = 500
+DAY_S = 86_400.0
 _SLOWEST_HZ, _FASTEST_HZ = 4.5, 1e5
 _USUAL_HZ = (20.0, 2e4)
 """Rates of force sensors and poses; and those beyond which nobody measures a tissue."""

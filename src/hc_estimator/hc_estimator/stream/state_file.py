@@ -6,11 +6,14 @@ from it first puts it on trial under another name: a state that ends the process
 name at the next start, is set aside as `set_aside_state.json`, and ends no process again.
 
 A file is written under a random name that nobody can have prepared, forced to the disk, and then
-renamed: at any moment there is the old state or the new one, whole.
+renamed: at any moment there is the old state or the new one, whole. It ends with a checksum of what
+it holds: a disk that turns one bit of it leaves a number a number, which nothing else would notice.
+A file of format 1, of versions that wrote none, is read without.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
@@ -29,7 +32,10 @@ RUNNING = "running_state.json"
 ON_TRIAL = "running_state_on_trial.json"
 SET_ASIDE = "set_aside_state.json"
 _NAMES = (SAVED, RUNNING, ON_TRIAL, SET_ASIDE)
-_FORMAT = 1
+_FORMAT = 2
+_WITHOUT_CHECKSUM = 1
+"""The format of files that have none."""
+_CHECKSUM = "checksum"
 LARGEST_BYTES = 100_000_000
 """A state has some 100 kB; reading one stops here."""
 
@@ -95,6 +101,33 @@ def freeze(session: EstimationSession, settings: Mapping[str, Any]) -> Frozen:
     return Frozen(head, packed_state.freeze(session.estimator))
 
 
+def sealed(data: Mapping[str, Any]) -> str:
+    """Return plain data as the text of a state file, its checksum at the end."""
+    text = json.dumps(data)
+    return f'{text[:-1]}, "{_CHECKSUM}": "{_digest(text)}"}}'
+
+
+def _check(data: dict[str, Any]) -> None:
+    """See that the data of a file are those that were written, and take the checksum out.
+
+    Raises:
+        ValueError: they are others, or of another version.
+    """
+    if data["format"] not in (_FORMAT, _WITHOUT_CHECKSUM):
+        raise ValueError(f"format {data['format']!r} instead of {_FORMAT}")
+    given = data.pop(_CHECKSUM, None)
+    if given is None and data["format"] == _WITHOUT_CHECKSUM:
+        return
+    if given != _digest(json.dumps(data)):
+        raise ValueError(
+            "its checksum is of other numbers: the file was damaged or edited; remove it"
+        )
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
 class StateFolder:
     """The folder of one node's state files."""
 
@@ -139,7 +172,7 @@ class StateFolder:
         descriptor, temporary = tempfile.mkstemp(prefix=".state_", dir=self._folder)
         try:
             with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-                file.write(json.dumps(data))
+                file.write(sealed(data))
                 file.flush()
                 os.fsync(file.fileno())
             os.replace(temporary, path)
@@ -156,7 +189,7 @@ class StateFolder:
             name: SAVED or RUNNING, or ON_TRIAL.
 
         Raises:
-            ValueError: if the file is damaged or of another version.
+            ValueError: if the file is damaged, edited by hand or of another version.
             OSError: if there is no such file, it is a link, or it cannot be read.
         """
         path = self._path(name)
@@ -164,8 +197,7 @@ class StateFolder:
             data = json.loads(self._read(path))
             if not isinstance(data, dict) or "format" not in data:
                 raise ValueError("it says no format")
-            if data["format"] != _FORMAT:
-                raise ValueError(f"format {data['format']!r} instead of {_FORMAT}")
+            _check(data)
             estimator = packed_state.unpacked(data["estimator"])
             for name, kind in _KINDS.items():
                 if not isinstance(estimator[name], kind):

@@ -1,0 +1,78 @@
+"""Times as spreadsheets and clocks write them: days, and minutes with seconds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from table_text import DEPTH, FORCE, TIME, rows, write
+
+from hc_logger.csv_file import CsvReader
+from hc_logger.csv_number import time_of_day
+from hc_logger.csv_options import CsvOptions
+from hc_logger.csv_vocabulary import split_name, unit_of
+from hc_logger.errors import BagError
+from hc_logger.recording import read_recording
+
+DAY_S = 86_400.0
+HEAD = "time,displacement_mm,force_N\n"
+
+
+def read(path: Path, options: CsvOptions | None = None) -> np.ndarray:
+    columns = read_recording(path, csv_options=options)
+    return np.asarray(columns.time_s) - columns.time_s[0]
+
+
+def test_the_days_of_a_spreadsheet_are_known_by_their_size(tmp_path: Path) -> None:
+    """Regression: they were seconds, and the advice was to say that they are."""
+    table = HEAD + rows("{:.11f},{:.4f},{:.5f}", 45992.35 + TIME / DAY_S, DEPTH, FORCE)
+    path = write(tmp_path / "table.csv", table)
+    np.testing.assert_allclose(read(path), TIME - TIME[0], atol=2e-6)
+    notes = CsvReader(path).notes
+    assert "time has no unit: taken for the days that a spreadsheet counts" in notes
+
+
+@pytest.mark.parametrize("name", ["Time [d]", "time_d", "Time (days)", "time"])
+def test_days_are_a_unit_of_time(tmp_path: Path, name: str) -> None:
+    table = f"{name},Pos [mm],F [N]\n" + rows("{:.11f},{:.4f},{:.5f}", TIME / DAY_S, DEPTH, FORCE)
+    path = write(tmp_path / "table.csv", table)
+    options = CsvOptions(units={"time": "d"}) if name == "time" else None
+    np.testing.assert_allclose(read(path, options), TIME - TIME[0], atol=2e-6)
+
+
+def test_a_d_elsewhere_is_no_day() -> None:
+    assert unit_of("d") is unit_of("D") is unit_of("d", "displacement") is None
+    assert unit_of("d", "time") == unit_of("Days", "time") == "d"
+    assert split_name("position_d", "time") == ("position d", None)
+
+
+def clock(seconds: float, digits: int = 3) -> str:
+    minutes, rest = divmod(round(seconds, digits), 60.0)
+    return f"{int(minutes):02d}:{rest:0{3 + digits}.{digits}f}"
+
+
+@pytest.mark.parametrize(
+    ("start", "hour"), [(5.0, 3600.0), (3599.97, 3600.0), (3599.97, np.inf)], ids=str
+)
+def test_minutes_and_seconds_are_read(tmp_path: Path, start: float, hour: float) -> None:
+    """A spreadsheet shows mm:ss.0 of a time of day: it begins anew each hour, a timer does not."""
+    shown = [clock((start + t) % hour) for t in TIME]
+    lines = [f"{t},{d:.4f},{f:.5f}" for t, d, f in zip(shown, DEPTH, FORCE, strict=True)]
+    path = write(tmp_path / "table.csv", HEAD + "\n".join(lines) + "\n")
+    np.testing.assert_allclose(read(path), TIME - TIME[0], atol=1e-9)
+
+
+def test_a_clock_with_hours_does_not_begin_anew_at_each(tmp_path: Path) -> None:
+    lines = [f"10:{clock(t)},{d:.4f},{f:.5f}" for t, d, f in zip(TIME, DEPTH, FORCE, strict=True)]
+    lines.insert(0, "10:59:59.000,0,0")
+    path = write(tmp_path / "table.csv", HEAD + "\n".join(lines) + "\n")
+    assert read_recording(path).time_s[1] == pytest.approx(-3599.0 + TIME[0])
+
+
+def test_hours_and_minutes_are_not_taken_for_minutes_and_seconds(tmp_path: Path) -> None:
+    assert time_of_day("12:34") is None
+    assert time_of_day("12:74.5") is None
+    assert time_of_day("75:03,25") == 4503.25
+    with pytest.raises(BagError):
+        read_recording(write(tmp_path / "table.csv", HEAD + "12:34,1,2\n12:35,1,2\n"))
