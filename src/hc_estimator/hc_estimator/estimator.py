@@ -6,6 +6,7 @@ therefore the same to the last bit.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Container, Mapping
 from typing import Any
 
@@ -188,13 +189,12 @@ class Estimator:
         Raises:
             TypeError: one of them is not a number, but an array, say.
         """
-        missing = float("nan")
+        readings = (math.nan if r is None else r for r in (displacement_mm, force_n))
+        given = (time_s, *readings)
         try:
-            self._sample[0] = (
-                time_s,
-                missing if displacement_mm is None else displacement_mm,
-                missing if force_n is None else force_n,
-            )
+            self._sample[0] = given
+        except OverflowError:  # no float is so large
+            self._sample[0] = as_numbers("step", given)
         except (TypeError, ValueError) as error:
             raise TypeError(f"step takes three numbers, run takes arrays: {error}") from None
         self._use(self._sample, self._row)

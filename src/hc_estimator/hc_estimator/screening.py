@@ -111,7 +111,8 @@ SPECIFICATIONS = (
         "int",
         3,
         "After so many outliers in a row samples are believed, until 30 in a row lie inside the "
-        "gate: then it is no spike but a change. 0 switches the gate off.",
+        "gate: then it is no spike but a change. self_tuning_ukf believes a displacement that "
+        "jumps, and what only repeats itself, later (0.5 s). 0 switches the gate off.",
         minimum=0,
         maximum=1000000,
     ),

@@ -31,6 +31,7 @@ from hc_estimator.multiple_model import (
     contact_rise,
     moving_delay,
     place_delay,
+    raw_readings,
     zero_fit,
     zero_moves,
 )
@@ -118,9 +119,9 @@ def _look_back(settings: Any, bank: Any) -> bool:
     """Take the readings that came before the noise of the sensors was known."""
     finder, deviation = bank.delay, math.sqrt(bank.sensor_noise[0])
     count = finder.raw_count
-    first = max(count[0] - RAW, 0)
+    first = raw_readings.oldest(finder, 0)
     place = first
-    for k in range(max(count[1] - RAW, 0), count[1]):
+    for k in range(raw_readings.oldest(finder, 1), count[1]):
         time = finder.raw_time[1, k % RAW]
         while place + 1 < count[0] and finder.raw_time[0, (place + 1) % RAW] <= time:
             place += 1

@@ -74,6 +74,7 @@ DELAY = record_type(
         Field("raw_time", np.float64, (2, RAW)),  # rings, displacement and force [s]
         Field("raw_value", np.float64, (2, RAW)),  # [mm], [N]
         Field("raw_count", np.int64, (2,), 0),
+        Field("raw_first", np.int64, (2,), 0),  # number of the first that is not taken out
         Field("grid", GRID_POINT, (GRID,)),  # a ring
         Field("grid_count", np.int64, (), 0),
         Field("grid_step", np.float64),  # [s]

@@ -12,7 +12,12 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import delay_points, local_polynomial, smoothing
+from hc_estimator.multiple_model import (
+    delay_points,
+    local_polynomial,
+    raw_readings,
+    smoothing,
+)
 from hc_estimator.multiple_model.delay_records import CANDIDATES, GRID, RAW
 from hc_estimator.multiple_model.local_polynomial import FEWEST_READINGS, SLACK, TO_BE_READ
 
@@ -29,7 +34,7 @@ WINDOW = 0.5  # [s]
 def restart(finder: Any) -> None:
     """Forget the readings of the present window; what earlier windows said stays."""
     for i in range(2):
-        finder.raw_count[i] = 0
+        raw_readings.restart(finder, i)
     finder.grid_count = 0
 
 
@@ -48,7 +53,7 @@ def move(finder: Any, displacement: float, force: float) -> None:
 def period(finder: Any, channel: int) -> float:
     """Usual time between two readings of a channel [s]."""
     count = finder.raw_count[channel]
-    few = min(count, 16)
+    few = min(raw_readings.count_of(finder, channel), 16)
     last = finder.raw_time[channel, (count - 1) % RAW]
     first = finder.raw_time[channel, (count - few) % RAW]
     return (last - first) / max(few - 1, 1)  # type: ignore[no-any-return]
@@ -79,7 +84,7 @@ def _usual_between(finder: Any, channel: int, few: int) -> float:
 @compiled
 def _period_of_sensor(finder: Any, channel: int) -> float:
     """`period` as the sensor has it, whatever readings were lost meanwhile [s]."""
-    few = min(finder.raw_count[channel], 16)
+    few = min(raw_readings.count_of(finder, channel), 16)
     longest = LOST * _usual_between(finder, channel, few)
     total, kept = 0.0, 0
     for back in range(1, few):
@@ -183,7 +188,8 @@ def advance(finder: Any, noise: Any) -> bool:
         finder: changed.
         noise: variances of a reading, shape (2,).
     """
-    if min(finder.raw_count[0], finder.raw_count[1]) < 2 * FEWEST_READINGS:
+    counts = raw_readings.count_of(finder, 0), raw_readings.count_of(finder, 1)
+    if min(counts[0], counts[1]) < 2 * FEWEST_READINGS:
         return False
     slowest = slowest_period(finder)
     half = max(HALF_WIDTH, 0.5 * FEWEST_READINGS * slowest)

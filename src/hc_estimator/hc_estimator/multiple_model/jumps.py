@@ -22,7 +22,6 @@ from hc_estimator.multiple_model.hypotheses import DEPTH, EXPONENT, LOG_STIFFNES
 from hc_estimator.multiple_model.kalman import depth_of, force_at
 
 LONGEST = 0.5  # for which a channel is not believed [s]
-FORCE_TIME = 0.03  # the same of a force that jumped, as where tissue tears [s]
 JUMPS_BACK = 0.5  # of the half width of the gate, that a displacement comes back by at least
 AGREEING = 4  # forces in a row that agree with a displacement that jumped
 STUCK_AGREEING = 10  # that agree with one that stands still, as a tool does that was stopped,
@@ -71,15 +70,11 @@ def begins(bank: Any, channel: int, stamp: float, count: int) -> bool:
     last = _number_of(bank, channel, stamp)
     first = max(last - count, raw_readings.oldest(bank.delay, channel) + 2)
     stuck = raw_readings.are_equal(bank.delay, channel, first, last)
-    begun = min(_number_of(bank, channel, gate.refused_from[channel]), first)
-    begun = max(begun, raw_readings.oldest(bank.delay, channel) + 2)
-    jumped = raw_readings.has_jumped(bank.delay, channel, begun, last)
     if stuck:
         gate.refused_from[channel] = _still_from(bank, channel, last)
     if channel == 1:
-        longest = LONGEST if stuck else FORCE_TIME
-        return bool((stuck or jumped) and stamp - gate.refused_from[1] < longest)
-    if not (stuck or jumped):
+        return bool(stuck and stamp - gate.refused_from[1] < LONGEST)
+    if not (stuck or raw_readings.has_jumped(bank.delay, 0, first, last)):
         return False
     _begin(gate, stamp, stuck)
     return True

@@ -18,6 +18,7 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector, leading_cholesky
 from hc_estimator.mean_squares import largest_by_noise
+from hc_estimator.multiple_model import raw_readings
 from hc_estimator.multiple_model.delay_records import RAW, TERMS
 
 # With even stamps readings lie on the very edge and the very middle of a parabola. Without a slack
@@ -74,7 +75,7 @@ def _gather(finder: Any, channel: int, centre: float, half: float, fewest: int) 
     clear_vector(sums)
     reference = finder.raw_value[channel, (count - 1) % RAW]
     before, after = 0, 0
-    for back in range(1, min(count, RAW) + 1):
+    for back in range(1, raw_readings.count_of(finder, channel) + 1):
         slot = (count - back) % RAW
         x = (finder.raw_time[channel, slot] - centre) / half
         if x > EDGE:

@@ -16,12 +16,19 @@ from hc_estimator.multiple_model.delay_records import RAW
 # A reading is far from the others beyond so many times the RMS bend of the calmest of some blocks.
 FAR = 8.0
 CALM, CALM_BLOCKS = 8, 3
-BACK = 0.5  # share of a bend that the next one goes back at least where a place jumped
+BACK = 0.5  # share of the largest bend, where a place jumped, that it and the next one have
 SPIKE = 3.0  # times the steps beside it, beyond which a force is a spike
 FEWEST_EQUAL = 3  # steps in a row that are none
 LOOKED_AT = 64  # steps before them that say how likely that is
 LOG_CHANCE = -12.0  # logarithm of a chance that is none: a reading in minutes is lost by it
 ON_A_LINE = 2  # refused readings in a row that are replaced; more of them are taken out
+
+
+@compiled
+def restart(finder: Any, channel: int) -> None:
+    """Remember no reading."""
+    finder.raw_count[channel] = 0
+    finder.raw_first[channel] = 0
 
 
 @compiled
@@ -38,7 +45,13 @@ def take(finder: Any, channel: int, time: float, reading: float) -> None:
 @compiled
 def oldest(finder: Any, channel: int) -> int:
     """Number of the oldest reading that is remembered."""
-    return max(finder.raw_count[channel] - RAW, 0)  # type: ignore[no-any-return]
+    return max(finder.raw_count[channel] - RAW, finder.raw_first[channel])  # type: ignore[no-any-return]
+
+
+@compiled
+def count_of(finder: Any, channel: int) -> int:
+    """How many readings are remembered."""
+    return finder.raw_count[channel] - oldest(finder, channel)  # type: ignore[no-any-return]
 
 
 @compiled
@@ -74,9 +87,13 @@ def has_jumped(finder: Any, channel: int, first: int, last: int) -> bool:
 
     Where a tool sets off the bends add up; where a reading jumps the next one bends back.
     """
+    largest = 0.0
+    for k in range(first, last + 1):
+        largest = max(largest, abs(_bend(finder, channel, k)))
     for k in range(first, last):
         here, then = _bend(finder, channel, k), _bend(finder, channel, k + 1)
-        if here * then < 0.0 and abs(then) > BACK * abs(here) and is_far(finder, channel, k):
+        back = here * then < 0.0 and abs(then) > BACK * abs(here)
+        if back and abs(here) > BACK * largest and is_far(finder, channel, k):
             return True
     return False
 
@@ -183,6 +200,7 @@ def replace_refused(finder: Any, channel: int, after: float, until: float, spike
 @compiled
 def _take_out(finder: Any, channel: int, begin: int, end: int) -> None:
     """Take the readings from one up to another out of the ring."""
+    finder.raw_first[channel] = oldest(finder, channel)  # what was before them is gone
     for k in range(end, finder.raw_count[channel]):
         here = (begin + k - end) % RAW
         finder.raw_time[channel, here] = finder.raw_time[channel, k % RAW]

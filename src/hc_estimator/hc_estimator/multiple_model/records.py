@@ -247,7 +247,7 @@ HELD_READINGS = record_type(
         Field("count", np.int64, (), 0),  # held so far
         Field("first", np.int64, (), 0),  # number of the oldest that is still waiting
         Field("used", np.int64, (), 0),  # number after the one used last in a pair; 0: none in step
-        Field("suspect", np.float64, (), np.nan, finite=False),  # time of one, see there [s]
+        Field("suspect", np.float64, finite=False),  # time of one, see there [s]
     )
 )
 
@@ -256,7 +256,7 @@ GATE = record_type(
     (
         Field("refused_from", np.float64, (2,)),  # stamp of the first of those in a row [s]
         # Displacement that jumped or stands still, stamp [s]; NaN: it did not.
-        Field("jumped_at", np.float64, (), np.nan, finite=False),
+        Field("jumped_at", np.float64, finite=False),
         Field("stuck", np.int64, (), 0, 1),  # 1 if it is the same number again and again
         Field("agreeing", np.int64, (), 0),  # forces in a row that agree with it
         Field("agrees_from", np.float64),  # stamp of the first of them [s]
