@@ -68,6 +68,23 @@ def test_a_dropout_teaches_nothing(plant, late, channel, says, length_s):
     assert_as_without(sound, series, lost, 1.25 if late == 0.0 else 1.8)
 
 
+@pytest.mark.parametrize("says", ["zero", "its last value", "nothing"])
+@pytest.mark.parametrize("channel", ["displacement", "both"])
+@pytest.mark.parametrize("rate", [125.0, 500.0])
+def test_a_tracker_that_is_lost_for_two_seconds_teaches_nothing(plant, rate, channel, says):
+    time, displacement, force = contact(plant, rate=rate)
+    sound = hc.create_estimator("self_tuning_ukf").run(time, displacement, force)
+    hole = slice(round(6.5 * rate), round(8.5 * rate))
+    for readings in (displacement, force) if channel == "both" else (displacement,):
+        last_value = {"zero": 0.0, "its last value": readings[hole.start], "nothing": np.nan}
+        readings[hole] = last_value[says]
+    series = hc.create_estimator("self_tuning_ukf").run(time, displacement, force)
+    within = slice(hole.start, hole.stop + round(0.1 * rate))
+    error = np.abs(series.parameters[within, 0] / sound.parameters[hole.start, 0] - 1.0)
+    assert np.max(error) < 0.01
+    assert_as_without(sound, series, [hole], 1.05)
+
+
 @pytest.mark.parametrize("rate", [125.0, 1000.0])
 @pytest.mark.parametrize("size", [3.0, -1.0])
 def test_a_displacement_that_is_off_for_a_while_teaches_nothing(plant, rate, size):

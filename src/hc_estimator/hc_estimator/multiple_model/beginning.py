@@ -70,7 +70,7 @@ def start(settings: Any, bank: Any) -> None:
     bank.calibrated = 0 if settings.noise_adaptation == DIFFERENCES else 1
     bank.guessed = 0
     bank.motion_anew = 0
-    jumps.restart(bank.gate)
+    jumps.reset(bank.gate)
     take_noise(settings, bank)
     for i in range(2):
         difference_noise.restart(bank.noise[i])
@@ -281,6 +281,9 @@ def recover(settings: Any, bank: Any, time: float, decision: int) -> None:
             if not is_sound(bank.rows[m]):
                 reset(settings, bank.rows[m], clock.measurement[0])
         bank.motion_anew = 1
+    if jumps.waits(bank.gate):  # it is the sensor that is lost
+        clock.refused_count = 0
+        return
     if clock.refused_count == 0:
         clock.refused_since = time
     clock.refused_count += 1

@@ -4,9 +4,10 @@ No tool jumps, and no sensor with noise says the same number again and again: a 
 or its last place while it has lost its marker, an encoder has a bad contact, a network repeats what
 it had. Believed, a few such readings taught a K that was ten times too high. Nor may they be
 refused for good: a robot moves while its pose stands still, an encoder is zeroed. The other sensor
-says which: a displacement is believed once the force is the one that the law says there, and at the
-latest after half a second; the motion then begins anew. A force that stands still is believed
-then as well.
+says which. A displacement that jumped is believed once the force is the one that the law says
+there, and at the latest after half a second. What stands still where it was is believed once the
+force stands still as well, as beside a tool that was stopped; what jumped there, and a force, only
+when they move. Then the motion begins anew, as after readings that were lost.
 """
 
 from __future__ import annotations
@@ -21,18 +22,20 @@ from hc_estimator.multiple_model.delay_records import RAW
 from hc_estimator.multiple_model.hypotheses import DEPTH, EXPONENT, LOG_STIFFNESS
 from hc_estimator.multiple_model.kalman import depth_of, force_at
 
-LONGEST = 0.5  # for which a channel is not believed [s]
+LONGEST = 0.5  # for which a displacement that jumped is not believed [s]
 JUMPS_BACK = 0.5  # of the half width of the gate, that a displacement comes back by at least
 AGREEING = 4  # forces in a row that agree with a displacement that jumped
 STUCK_AGREEING = 10  # that agree with one that stands still, as a tool does that was stopped,
-STUCK_AGREEING_TIME = 0.05  # and for how long [s]
+STUCK_AGREEING_TIME = 0.2  # and for how long [s]
 STEPS = 3  # between readings that say a velocity
 DEVIATIONS = 3.0
 SAME = 4.0  # deviations within which two forces are the same
 ALIKE = 0.1  # of a force, within which another one agrees
+CALM = 0.05  # of a force, within which it stands still although the tissue relaxes,
+CALM_TIME = 0.5  # and for how long, where a displacement has stood still for `LONGEST` [s]
+IN_PLACE, ELSEWHERE = 1, 2  # a displacement stands still where it was, or where it jumped to
 UNSURE = 0.3  # deviation of ln F, from which on a law says nothing
 LEAST_DEPTH = 0.05  # [mm]
-REFUSED, BELIEVED = 1, 2  # a force that stands still
 
 
 @compiled
@@ -44,8 +47,8 @@ def forget(gate: Any) -> None:
 
 
 @compiled
-def restart(gate: Any) -> None:
-    """The motion begins anew: both channels are believed."""
+def reset(gate: Any) -> None:
+    """Both channels are believed."""
     forget(gate)
     gate.force_still = 0
 
@@ -73,19 +76,34 @@ def begins(bank: Any, channel: int, stamp: float, count: int) -> bool:
     if stuck:
         gate.refused_from[channel] = _still_from(bank, channel, last)
     if channel == 1:
-        return bool(stuck and stamp - gate.refused_from[1] < LONGEST)
-    if not (stuck or raw_readings.has_jumped(bank.delay, 0, first, last)):
+        if stuck:
+            gate.force_still = 1
+            gate.force_value = bank.clock.measurement[1]
+            gate.still_from = gate.refused_from[1]
+        return stuck
+    jumped = _has_jumped(bank, channel, last)
+    if not (stuck or jumped):
         return False
-    _begin(gate, stamp, stuck)
+    _begin(bank, stamp, (ELSEWHERE if jumped else IN_PLACE) if stuck else 0)
     return True
 
 
 @compiled
-def _begin(gate: Any, stamp: float, stuck: bool) -> None:
+def _has_jumped(bank: Any, channel: int, last: int) -> bool:
+    """True if the readings that were refused, up to one, jumped."""
+    count = bank.clock.outlier_counts[channel]
+    first = max(last - count, raw_readings.oldest(bank.delay, channel) + 2)
+    return raw_readings.has_jumped(bank.delay, channel, first, last)
+
+
+@compiled
+def _begin(bank: Any, stamp: float, stuck: int) -> None:
     """Believe no displacement from a stamp on [s]."""
+    gate = bank.gate
+    gate.value = bank.clock.measurement[0]
     gate.jumped_at = stamp
     gate.agreeing = 0
-    gate.stuck = 1 if stuck else 0
+    gate.stuck = stuck
 
 
 @compiled
@@ -99,24 +117,22 @@ def stands_still(bank: Any, channel: int, stamp: float) -> bool:
     """
     gate, finder = bank.gate, bank.delay
     last, noise = _number_of(bank, channel, stamp), bank.sensor_noise[channel]
-    still = raw_readings.stands_still(finder, channel, last, noise)
-    if channel == 0:
-        if still:
-            gate.refused_from[0] = _still_from(bank, 0, last)
-            _begin(gate, stamp, True)
-        return still
-    if not still:
-        if gate.force_still == REFUSED:
-            half = 0.5 * grids.period(finder, 1)
-            raw_readings.replace_refused(finder, 1, gate.still_from - half, stamp - half, False)
+    if channel == 1 and gate.force_still != 0:
+        if bank.clock.measurement[1] == gate.force_value:
+            return True
+        half = 0.5 * grids.period(finder, 1)
+        raw_readings.replace_refused(finder, 1, gate.still_from - half, stamp - half, False)
         gate.force_still = 0
         return False
-    if gate.force_still == 0:
-        gate.force_still = REFUSED
+    still = raw_readings.stands_still(finder, channel, last, noise)
+    if still and channel == 0:
+        gate.refused_from[0] = _still_from(bank, 0, last)
+        _begin(bank, stamp, ELSEWHERE if _has_jumped(bank, 0, last) else IN_PLACE)
+    elif still:
         gate.still_from = _still_from(bank, 1, last)
-    if not stamp - gate.still_from < LONGEST:
-        gate.force_still = BELIEVED
-    return bool(gate.force_still == REFUSED)
+        gate.force_value = bank.clock.measurement[1]
+        gate.force_still = 1
+    return still
 
 
 @compiled
@@ -136,7 +152,28 @@ def _still_from(bank: Any, channel: int, last: int) -> float:
 @compiled
 def waits(gate: Any) -> bool:
     """True while readings are not believed that the grid would take."""
-    return bool(goes_on(gate) or gate.force_still == REFUSED)
+    return bool(goes_on(gate) or gate.force_still != 0)
+
+
+@compiled
+def is_lost(settings: Any, bank: Any, stamp: float) -> bool:
+    """True if nobody knows where the tool is any more, for want of a displacement to believe."""
+    gone = bank.clock.restart != 0 or stamp - bank.gate.jumped_at > settings.longest_gap
+    return bool(goes_on(bank.gate) and gone and bank.motion_anew == 0)
+
+
+@compiled
+def is_found(settings: Any, bank: Any, row: Any, stamp: float) -> bool:
+    """True if a displacement is believed after so long: it moves again, or by `is_believed`.
+
+    Args:
+        settings: settings record.
+        bank: gate is changed.
+        row: that is chosen.
+        stamp: of the reading [s].
+    """
+    moves = bank.gate.stuck != 0 and bank.clock.measurement[0] != bank.gate.value
+    return bool(moves or is_believed(settings, bank, row, stamp))
 
 
 @compiled
@@ -152,11 +189,11 @@ def is_back(bank: Any, stamp: float, half_width: float) -> bool:
         half_width: of the gate [mm].
     """
     finder, here = bank.delay, _number_of(bank, 0, stamp)
+    if bank.gate.stuck != 0:
+        return bool(bank.clock.measurement[0] != bank.gate.value)
     if here <= raw_readings.oldest(finder, 0):
         return False
     step = finder.raw_value[0, here % RAW] - finder.raw_value[0, (here - 1) % RAW]
-    if bank.gate.stuck != 0:
-        return bool(step != 0.0)
     return bool(abs(step) > JUMPS_BACK * half_width)
 
 
@@ -170,20 +207,21 @@ def is_believed(settings: Any, bank: Any, row: Any, stamp: float) -> bool:
         row: that is chosen.
         stamp: of the reading [s].
     """
-    gate, finder = bank.gate, bank.delay
-    here = _number_of(bank, 0, stamp)
-    if gate.stuck != 0 and not raw_readings.are_equal(finder, 0, here - 1, here):
-        gate.stuck = 0  # it goes on, maybe somewhere else
-        gate.agreeing = 0
-    if not stamp - gate.jumped_at < LONGEST:
+    gate, here = bank.gate, _number_of(bank, 0, stamp)
+    if gate.stuck != 0 and bank.clock.measurement[0] != gate.value:
+        _begin(bank, stamp, 0)  # it goes on, maybe somewhere else
+    if gate.stuck == 0 and not stamp - gate.jumped_at < LONGEST:
         return True
     clock = bank.clock
     force = clock.measurement[1] if clock.present[1] != 0 else bank.given.latest_force
-    agrees = _agrees(settings, bank, row, here, force)
+    for_long = gate.stuck == IN_PLACE and stamp - gate.jumped_at >= LONGEST
+    agrees = for_long or _agrees(settings, bank, row, here, force)
     if gate.stuck != 0 and gate.agreeing > 0:
         # Beside a tool at rest the force stays what it is, but for its noise.
-        change = (force - gate.agrees_force) ** 2
-        agrees = agrees and 0.0 < change < SAME * SAME * 2.0 * bank.sensor_noise[1]
+        within = SAME * math.sqrt(2.0 * bank.sensor_noise[1])
+        if for_long:
+            within += CALM * abs(gate.agrees_force)
+        agrees = agrees and 0.0 < abs(force - gate.agrees_force) < within
     if not agrees:
         gate.agreeing = 0
         return False
@@ -193,7 +231,7 @@ def is_believed(settings: Any, bank: Any, row: Any, stamp: float) -> bool:
     gate.agreeing += 1
     if gate.stuck == 0:
         return bool(gate.agreeing >= AGREEING)
-    long = stamp - gate.agrees_from >= STUCK_AGREEING_TIME
+    long = stamp - gate.agrees_from >= (CALM_TIME if for_long else STUCK_AGREEING_TIME)
     return bool(long and gate.agreeing >= STUCK_AGREEING)
 
 

@@ -58,14 +58,15 @@ def is_outlier(settings: Any, bank: Any, chosen: Any, channel: int, place: float
         return False
     stamp = place + (clock.offset if channel == 0 else bank.delay.delay)
     if clock.restart != 0:
-        jumps.restart(bank.gate)
+        jumps.forget(bank.gate)
     if channel == 0 and jumps.goes_on(bank.gate):
         return _is_still_off(
             settings, bank, chosen, stamp, outside, math.sqrt(limit_squared * variance)
         )
     looks = bank.calibrated != 0 and settings.outlier_limit > 0
     if looks and jumps.stands_still(bank, channel, stamp):
-        return True
+        # In the air a force of exactly nothing teaches nothing.
+        return channel == 0 or outside or chosen.predicted_force > 0.0
     if not outside:
         if count > 0:
             _replace_refused(bank, channel, stamp)
@@ -116,11 +117,40 @@ def _is_still_off(
         jumps.forget(bank.gate)
         return False
     if jumps.is_believed(settings, bank, chosen, stamp):
-        bank.clock.outlier_counts[0] = 0
-        jumps.forget(bank.gate)
-        bank.motion_anew = 1
-        grids.restart(bank.delay)
+        _begin_anew(bank)
     return True
+
+
+@compiled
+def is_lost(settings: Any, bank: Any, chosen: Any, place: float) -> bool:
+    """True if a displacement is not believed, and no other was for long: as if it were lost.
+
+    Args:
+        settings: settings record.
+        bank: changed.
+        chosen: row.
+        place: of the sample in the displacement's time [s].
+    """
+    clock, stamp = bank.clock, place + bank.clock.offset
+    if not jumps.is_lost(settings, bank, stamp):
+        return False
+    if clock.present[0] == 0 or not jumps.is_found(settings, bank, chosen, stamp):
+        return True
+    if clock.restart != 0:  # the motion begins with this reading
+        jumps.forget(bank.gate)
+        clock.outlier_counts[0] = 0
+        return False
+    _begin_anew(bank)
+    return True
+
+
+@compiled
+def _begin_anew(bank: Any) -> None:
+    """Believe the displacements from the next one on; of the motion nothing is known."""
+    bank.clock.outlier_counts[0] = 0
+    jumps.forget(bank.gate)
+    bank.motion_anew = 1
+    grids.restart(bank.delay)
 
 
 @compiled

@@ -15,11 +15,12 @@ from hc_estimator.multiple_model.delay_records import RAW
 
 # A reading is far from the others beyond so many times the RMS bend of the calmest of some blocks.
 FAR = 8.0
-CALM, CALM_BLOCKS = 8, 3
+CALM, CALM_BLOCKS = 16, 2
 BACK = 0.5  # share of the largest bend, where a place jumped, that it and the next one have
 SPIKE = 3.0  # times the steps beside it, beyond which a force is a spike
 FEWEST_EQUAL = 3  # steps in a row that are none
 LOOKED_AT = 64  # steps before them that say how likely that is
+ROUNDING = 1e-6  # share of the noise's variance, below which a square is of arithmetic
 LOG_CHANCE = -12.0  # logarithm of a chance that is none: a reading in minutes is lost by it
 ON_A_LINE = 2  # refused readings in a row that are replaced; more of them are taken out
 
@@ -136,18 +137,18 @@ def stands_still(finder: Any, channel: int, last: int, noise: float) -> bool:
     ):
         return False
     first = equal_since(finder, channel, last)
-    before = min(first - 1 - oldest_one, LOOKED_AT)
-    if before < LOOKED_AT:
+    if first - 2 - LOOKED_AT < oldest_one:
         return False
-    repeats, smallest = 0, math.inf
+    repeats, finest = 0, math.inf
     for k in range(first - 1 - LOOKED_AT, first - 1):
-        step = abs(values[(k + 1) % RAW] - values[k % RAW])
-        if step == 0.0:
-            repeats += 1
-        else:
-            smallest = min(smallest, step)
+        before, here, after = values[(k - 1) % RAW], values[k % RAW], values[(k + 1) % RAW]
+        repeats += 1 if after == here else 0
+        # However fast the tool moves, rounded readings bend by multiples of what they round to.
+        bend = (after - here - (here - before)) ** 2
+        if bend > ROUNDING * noise:
+            finest = min(finest, bend)
     share = max(repeats / LOOKED_AT, 1.0 / LOOKED_AT)
-    return bool(smallest**2 < noise and (last - first) * math.log(share) < LOG_CHANCE)
+    return bool(finest < noise and (last - first) * math.log(share) < LOG_CHANCE)
 
 
 @compiled

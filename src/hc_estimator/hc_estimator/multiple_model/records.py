@@ -257,11 +257,13 @@ GATE = record_type(
         Field("refused_from", np.float64, (2,)),  # stamp of the first of those in a row [s]
         # Displacement that jumped or stands still, stamp [s]; NaN: it did not.
         Field("jumped_at", np.float64, finite=False),
-        Field("stuck", np.int64, (), 0, 1),  # 1 if it is the same number again and again
+        Field("stuck", np.int64, (), 0, 2),  # 1, 2 if it is the same number again and again
+        Field("value", np.float64),  # that number [mm]
         Field("agreeing", np.int64, (), 0),  # forces in a row that agree with it
         Field("agrees_from", np.float64),  # stamp of the first of them [s]
         Field("agrees_force", np.float64),  # that one [N]
-        Field("force_still", np.int64, (), 0, 2),  # 1 if it stands still, 2 if it is believed
+        Field("force_still", np.int64, (), 0, 1),  # 1 if the force stands still
+        Field("force_value", np.float64),  # at that number [N]
         Field("still_from", np.float64),  # stamp from which on [s]
     )
 )

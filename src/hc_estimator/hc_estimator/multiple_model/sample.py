@@ -149,6 +149,10 @@ def note_held(bank: Any, time: float) -> None:
 def _update(settings: Any, bank: Any, place: float) -> int:
     """Predict every row to the sample's place [s] and update it with the readings there are."""
     clock, rows = bank.clock, bank.rows
+    if outliers.is_lost(settings, bank, rows[bank.judge.chosen], place):
+        report.foretell(settings, bank)
+        report.give_refused(bank)
+        return OUTLIER
     _predict(settings, bank)
     plausible.check(settings, bank)
     report.foretell(settings, bank)
