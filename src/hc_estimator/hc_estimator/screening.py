@@ -112,7 +112,8 @@ SPECIFICATIONS = (
         3,
         "After so many outliers in a row samples are believed, until 30 in a row lie inside the "
         "gate: then it is no spike but a change. self_tuning_ukf believes a displacement that "
-        "jumps, and what only repeats itself, later (0.5 s). 0 switches the gate off.",
+        "jumps after 0.5 s at the latest, and what only repeats itself once it moves. 0 switches "
+        "the gate off.",
         minimum=0,
         maximum=1000000,
     ),
