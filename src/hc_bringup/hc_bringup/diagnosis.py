@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from hc_bringup.other_damping import damping_at_every_depth
 from hc_bringup.place_delay import MOST_NOISES, Delay, delay_between_places
 from hc_bringup.terminal.numbers import rounded
 from hc_bringup.treated_samples import FORCE_LIMIT, Estimated, FloatArray, Samples
@@ -234,11 +235,17 @@ def _between_channels(samples: Samples, before: Estimated | None) -> list[Findin
         even = evenly_spaced(*unbroken(samples.time_s, samples.displacement_mm, samples.force_n))
         if not (moves(even[1]) and moves(even[2])):
             return []
-        found = diagnose_channels(*(c[-_LONGEST:] for c in even))
+        rows = slice(-_LONGEST, None)
+        found = diagnose_channels(*(c[rows] for c in even))
     except ValueError:
         return []  # too little to compare, which the estimate says as well
     findings = []
     faults = found.clear_faults
+    if faults:
+        instead = damping_at_every_depth((even[0][rows], even[1][rows], even[2][rows]), found)
+        if instead.far_better:
+            return [Finding(instead.words)]
+        findings += [Finding(instead.words)] if instead.words else []
     left_s = found.delay_s - samples.known_delay_s
     if "delay" in faults and abs(left_s) > max(CLEAR_DELAY_S, CLEAR * found.delay_std_s):
         drifts = delay_that_grows(even, _LONGEST, found.delay_s, found.delay_std_s)
