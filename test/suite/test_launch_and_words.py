@@ -26,6 +26,7 @@ SOURCES = (
     "hc_estimator/hc_estimator/stream/rigid_press.py",
     "hc_bringup/hc_bringup/live_check.py",
     "hc_bringup/hc_bringup/diagnosis.py",
+    "hc_bringup/hc_bringup/other_damping.py",
     "hc_logger/hc_logger/sensors.py",
     "hc_logger/hc_logger/press_direction.py",
     "hc_estimator/hc_estimator/ros/zero_setting.py",
