@@ -235,14 +235,14 @@ def _between_channels(samples: Samples, before: Estimated | None) -> list[Findin
         even = evenly_spaced(*unbroken(samples.time_s, samples.displacement_mm, samples.force_n))
         if not (moves(even[1]) and moves(even[2])):
             return []
-        rows = slice(-_LONGEST, None)
-        found = diagnose_channels(*(c[rows] for c in even))
+        time_s, displacement_mm, force_n = (c[-_LONGEST:] for c in even)
+        found = diagnose_channels(time_s, displacement_mm, force_n)
     except ValueError:
         return []  # too little to compare, which the estimate says as well
     findings = []
     faults = found.clear_faults
     if faults:
-        instead = damping_at_every_depth((even[0][rows], even[1][rows], even[2][rows]), found)
+        instead = damping_at_every_depth((time_s, displacement_mm, force_n), found)
         if instead.far_better:
             return [Finding(instead.words)]
         findings += [Finding(instead.words)] if instead.words else []

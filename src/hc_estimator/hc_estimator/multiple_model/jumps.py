@@ -60,28 +60,24 @@ def goes_on(gate: Any) -> bool:
 
 
 @compiled
-def begins(bank: Any, channel: int, stamp: float, count: int) -> bool:
+def begins(bank: Any, channel: int, stamp: float) -> bool:
     """True if readings that were refused are not to be believed, however many they are.
 
     Args:
         bank: gate is changed.
         channel: 0 or 1.
         stamp: of the latest [s].
-        count: of those before it.
     """
-    gate = bank.gate
     last = _number_of(bank, channel, stamp)
-    first = max(last - count, raw_readings.oldest(bank.delay, channel) + 2)
+    first = _first_refused(bank, channel, last)
     stuck = raw_readings.are_equal(bank.delay, channel, first, last)
     if stuck:
-        gate.refused_from[channel] = _still_from(bank, channel, last)
+        bank.gate.refused_from[channel] = _still_from(bank, channel, last)
     if channel == 1:
         if stuck:
-            gate.force_still = 1
-            gate.force_value = bank.clock.measurement[1]
-            gate.still_from = gate.refused_from[1]
+            _begin_force(bank, last)
         return stuck
-    jumped = _has_jumped(bank, channel, last)
+    jumped = _has_jumped(bank, last)
     if not (stuck or jumped):
         return False
     _begin(bank, stamp, (ELSEWHERE if jumped else IN_PLACE) if stuck else 0)
@@ -89,11 +85,16 @@ def begins(bank: Any, channel: int, stamp: float, count: int) -> bool:
 
 
 @compiled
-def _has_jumped(bank: Any, channel: int, last: int) -> bool:
-    """True if the readings that were refused, up to one, jumped."""
-    count = bank.clock.outlier_counts[channel]
-    first = max(last - count, raw_readings.oldest(bank.delay, channel) + 2)
-    return raw_readings.has_jumped(bank.delay, channel, first, last)
+def _first_refused(bank: Any, channel: int, last: int) -> int:
+    """Number of the first of the readings that were refused in a row, up to one."""
+    before = last - bank.clock.outlier_counts[channel]
+    return max(before, raw_readings.oldest(bank.delay, channel) + 2)  # type: ignore[no-any-return]
+
+
+@compiled
+def _has_jumped(bank: Any, last: int) -> bool:
+    """True if the displacements that were refused, up to one, jumped."""
+    return raw_readings.has_jumped(bank.delay, 0, _first_refused(bank, 0, last), last)
 
 
 @compiled
@@ -104,6 +105,15 @@ def _begin(bank: Any, stamp: float, stuck: int) -> None:
     gate.jumped_at = stamp
     gate.agreeing = 0
     gate.stuck = stuck
+
+
+@compiled
+def _begin_force(bank: Any, last: int) -> None:
+    """Believe no force from a reading on that stands still."""
+    gate = bank.gate
+    gate.still_from = _still_from(bank, 1, last)
+    gate.force_value = bank.clock.measurement[1]
+    gate.force_still = 1
 
 
 @compiled
@@ -120,19 +130,31 @@ def stands_still(bank: Any, channel: int, stamp: float) -> bool:
     if channel == 1 and gate.force_still != 0:
         if bank.clock.measurement[1] == gate.force_value:
             return True
-        half = 0.5 * grids.period(finder, 1)
-        raw_readings.replace_refused(finder, 1, gate.still_from - half, stamp - half, False)
+        replace_refused(bank, 1, gate.still_from, stamp, False)
         gate.force_still = 0
         return False
     still = raw_readings.stands_still(finder, channel, last, noise)
     if still and channel == 0:
         gate.refused_from[0] = _still_from(bank, 0, last)
-        _begin(bank, stamp, ELSEWHERE if _has_jumped(bank, 0, last) else IN_PLACE)
+        _begin(bank, stamp, ELSEWHERE if _has_jumped(bank, last) else IN_PLACE)
     elif still:
-        gate.still_from = _still_from(bank, 1, last)
-        gate.force_value = bank.clock.measurement[1]
-        gate.force_still = 1
+        _begin_force(bank, last)
     return still
+
+
+@compiled
+def replace_refused(bank: Any, channel: int, since: float, stamp: float, spikes: bool) -> None:
+    """Let readings from one on, that was refused, up to a later one bend no point of the grid.
+
+    Args:
+        bank: raw readings are changed.
+        channel: 0 or 1.
+        since: stamp of the first of them [s].
+        stamp: of the one that is read after them [s].
+        spikes: see `raw_readings.replace_refused`.
+    """
+    half = 0.5 * grids.period(bank.delay, channel)
+    raw_readings.replace_refused(bank.delay, channel, since - half, stamp - half, spikes)
 
 
 @compiled
@@ -156,7 +178,7 @@ def waits(gate: Any) -> bool:
 
 
 @compiled
-def is_lost(settings: Any, bank: Any, stamp: float) -> bool:
+def goes_on_for_long(settings: Any, bank: Any, stamp: float) -> bool:
     """True if nobody knows where the tool is any more, for want of a displacement to believe."""
     gone = bank.clock.restart != 0 or stamp - bank.gate.jumped_at > settings.longest_gap
     return bool(goes_on(bank.gate) and gone and bank.motion_anew == 0)
@@ -172,8 +194,13 @@ def is_found(settings: Any, bank: Any, row: Any, stamp: float) -> bool:
         row: that is chosen.
         stamp: of the reading [s].
     """
-    moves = bank.gate.stuck != 0 and bank.clock.measurement[0] != bank.gate.value
-    return bool(moves or is_believed(settings, bank, row, stamp))
+    return bool(_moves(bank) or is_believed(settings, bank, row, stamp))
+
+
+@compiled
+def _moves(bank: Any) -> bool:
+    """True if a displacement that stood still says another number."""
+    return bool(bank.gate.stuck != 0 and bank.clock.measurement[0] != bank.gate.value)
 
 
 @compiled
@@ -190,7 +217,7 @@ def is_back(bank: Any, stamp: float, half_width: float) -> bool:
     """
     finder, here = bank.delay, _number_of(bank, 0, stamp)
     if bank.gate.stuck != 0:
-        return bool(bank.clock.measurement[0] != bank.gate.value)
+        return _moves(bank)
     if here <= raw_readings.oldest(finder, 0):
         return False
     step = finder.raw_value[0, here % RAW] - finder.raw_value[0, (here - 1) % RAW]
@@ -208,7 +235,7 @@ def is_believed(settings: Any, bank: Any, row: Any, stamp: float) -> bool:
         stamp: of the reading [s].
     """
     gate, here = bank.gate, _number_of(bank, 0, stamp)
-    if gate.stuck != 0 and bank.clock.measurement[0] != gate.value:
+    if _moves(bank):
         _begin(bank, stamp, 0)  # it goes on, maybe somewhere else
     if gate.stuck == 0 and not stamp - gate.jumped_at < LONGEST:
         return True

@@ -14,7 +14,7 @@ from hc_estimator.adaptation import difference_noise
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import grid as grids
-from hc_estimator.multiple_model import jumps, raw_readings, readings
+from hc_estimator.multiple_model import jumps, readings
 from hc_estimator.multiple_model.hypotheses import DEPTH, FRESH
 from hc_estimator.multiple_model.kalman import displacement_of
 
@@ -81,7 +81,7 @@ def is_outlier(settings: Any, bank: Any, chosen: Any, channel: int, place: float
     if count == 0:
         bank.gate.refused_from[channel] = stamp
     if count == settings.outlier_limit:
-        if count > 0 and jumps.begins(bank, channel, stamp, count):
+        if count > 0 and jumps.begins(bank, channel, stamp):
             return True
         counts[channel] = settings.outlier_limit + OPEN_SAMPLES
         return False
@@ -132,7 +132,7 @@ def is_lost(settings: Any, bank: Any, chosen: Any, place: float) -> bool:
         place: of the sample in the displacement's time [s].
     """
     clock, stamp = bank.clock, place + bank.clock.offset
-    if not jumps.is_lost(settings, bank, stamp):
+    if not jumps.goes_on_for_long(settings, bank, stamp):
         return False
     if clock.present[0] == 0 or not jumps.is_found(settings, bank, chosen, stamp):
         return True
@@ -160,6 +160,4 @@ def _replace_refused(bank: Any, channel: int, stamp: float) -> None:
     A force that the law does not expect may be one all the same, as where the tool lands: only
     those that nothing beside them leads to are replaced.
     """
-    half = 0.5 * grids.period(bank.delay, channel)
-    after, until = bank.gate.refused_from[channel] - half, stamp - half
-    raw_readings.replace_refused(bank.delay, channel, after, until, channel == 1)
+    jumps.replace_refused(bank, channel, bank.gate.refused_from[channel], stamp, channel == 1)

@@ -1,6 +1,6 @@
-"""The raw readings of both channels, latest first in time: a ring that `grid` fits its points to.
+"""The raw readings of both channels: a ring each, of which `grid` makes its points.
 
-Here are those that a gate has refused (`readings`) told from those beside them, replaced or taken
+Here are those that the gate has refused (`outliers`) told from those beside them, replaced or taken
 out: a single wrong reading of 3 mm bends three points of the grid, and half a second of those that
 are smoothed. A delay of 10 to 40 ms was found that was none.
 """
