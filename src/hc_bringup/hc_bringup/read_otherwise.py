@@ -31,6 +31,8 @@ def read_as(recording: Any, settings: Mapping[str, Any]) -> Any:
     """Return a table with its channels turned, scaled, zeroed and stamped as the settings say."""
     import numpy as np
 
+    from hc_estimator.stream.arrival_clock import ARRIVAL, measured_stamps
+
     def factor(channel: str) -> float:
         return float(settings.get(f"{channel}.sign", 1) * settings.get(f"{channel}.scale", 1.0))
 
@@ -43,34 +45,61 @@ def read_as(recording: Any, settings: Mapping[str, Any]) -> Any:
         settings,
     )
     read = each_once(read, settings)
-    offsets = [settings.get(f"{name}.time_offset", 0.0) for name in ("position", "force")]
-    if offsets[0] == offsets[1] == 0.0:
-        return read
-    # Every reading at its own stamp, as the node has them.
-    channels = (read.displacement_mm, read.force_n)
+    stamps = []
+    for channel, column in (("position", "displacement_mm"), ("force", "force_n")):
+        there = np.isfinite(getattr(read, column))
+        offset_ns = round(settings.get(f"{channel}.time_offset", 0.0) * NANOSECONDS)
+        own = read.stamps + offset_ns
+        if settings.get(f"{channel}.stamps") == ARRIVAL:
+            own[there] = measured_stamps(own[there])
+        stamps.append(own)
+    return at_own_stamps(read, *stamps)
+
+
+def at_own_stamps(recording: Any, of_displacement: Any, of_force: Any) -> Any:
+    """Return a recording with every reading at a stamp of its own, as the node has them.
+
+    Args:
+        recording: hc_logger.recorded.Recording.
+        of_displacement: stamps of the displacements [ns], shape (n,).
+        of_force: stamps of the forces [ns], shape (n,).
+    """
+    import numpy as np
+
+    if np.array_equal(of_displacement, of_force):
+        if np.array_equal(of_displacement, recording.stamps):
+            return recording
+        moved_s = (of_force - recording.stamps) * 1e-9
+        return dataclasses.replace(recording, time_s=recording.time_s + moved_s, stamps=of_force)
+    channels = (recording.displacement_mm, recording.force_n)
     there = [np.flatnonzero(~np.isnan(values)) for values in channels]
-    shifted = [round(offset * NANOSECONDS) for offset in offsets]
-    stamps = np.concatenate([read.stamps[i] + s for i, s in zip(there, shifted, strict=True)])
-    times = np.concatenate([read.time_s[i] + s for i, s in zip(there, offsets, strict=True)])
-    rows = np.full((len(stamps), 2), np.nan)
-    rows[: len(there[0]), 0] = channels[0][there[0]]
-    rows[len(there[0]) :, 1] = channels[1][there[1]]
+    own = [stamps[rows] for stamps, rows in zip((of_displacement, of_force), there, strict=True)]
+    stamps = np.concatenate(own)
+    times = np.concatenate(
+        [
+            recording.time_s[rows] + (moved - recording.stamps[rows]) * 1e-9
+            for rows, moved in zip(there, own, strict=True)
+        ]
+    )
+    readings = np.full((len(stamps), 2), np.nan)
+    readings[: len(there[0]), 0] = channels[0][there[0]]
+    readings[len(there[0]) :, 1] = channels[1][there[1]]
     order = np.argsort(stamps, kind="stable")
     return dataclasses.replace(
-        read,
+        recording,
         time_s=times[order],
         stamps=stamps[order],
         sequence=np.arange(len(order), dtype=np.uint64),
-        displacement_mm=np.ascontiguousarray(rows[order, 0]),
-        force_n=np.ascontiguousarray(rows[order, 1]),
+        displacement_mm=np.ascontiguousarray(readings[order, 0]),
+        force_n=np.ascontiguousarray(readings[order, 1]),
     )
 
 
-def what_is_allowed(name: str, value: float) -> str:
-    """Return what a frame compliance or a scale may be if this cannot be one, else nothing."""
+def what_is_allowed(name: str, value: float | str) -> str:
+    """Return what an input setting may be if this cannot be one, else nothing."""
     from hc_estimator.ros.node_settings import NODE_SETTINGS
 
-    if not name.endswith((".scale", ".frame_compliance")):
+    if not name.endswith((".scale", ".frame_compliance", ".stamps")):
         return ""
     setting = NODE_SETTINGS[f"input.{name}"]
     return "" if setting.accepted(value) is not None else setting.allowed

@@ -1,10 +1,62 @@
-"""A recording without samples that are no readings: repeated ones, and interpolated ones."""
+"""A recording of what was read, when it was read.
+
+Without samples that are no readings, repeated and interpolated ones, and with times of measurement
+where the stamps are those of arrival.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
 from typing import Any
+
+
+def at_even_times(recording: Any, settings: Mapping[str, Any]) -> Any:
+    """Return a table of readings at the even times at which they were taken.
+
+    Where its stamps are those of arrival, and nobody said what they are. A bag's own estimates are
+    found by their stamps: it is left as it is.
+
+    Args:
+        recording: hc_logger.recorded.Recording.
+        settings: of the input, by name.
+    """
+    import numpy as np
+
+    from hc_bringup.read_otherwise import at_own_stamps
+    from hc_estimator.stream.arrival_stamps import find_even_times
+
+    if recording.is_bag:
+        return recording
+    columns = {"position": recording.displacement_mm, "force": recording.force_n}
+    there = {name: np.isfinite(recording.time_s) & np.isfinite(columns[name]) for name in columns}
+    if np.array_equal(*there.values()):
+        together = [tuple(columns)]
+    else:
+        together = [(name,) for name in columns]
+    stamps = dict.fromkeys(columns, recording.stamps)
+    notes = []
+    for names in together:
+        if any(f"{name}.stamps" in settings for name in names):
+            continue
+        rows = there[names[0]]
+        found = find_even_times(recording.stamps[rows], *(columns[name][rows] for name in names))
+        if found is None:
+            continue
+        moved = recording.stamps.copy()
+        moved[rows] = found.stamps_ns
+        stamps |= dict.fromkeys(names, moved)
+        of = (
+            ""
+            if len(names) > 1
+            else f" of the {'displacement' if names == ('position',) else 'force'}"
+        )
+        back = " ".join(f"--input {name}.stamps=measured" for name in names)
+        notes.append(
+            f"the stamps{of} are those of arrival, up to {1e3 * found.late_s:.2g} ms off: read at "
+            f"an even {found.rate_hz:.4g} Hz ({back}: as they stand)"
+        )
+    return _noted(at_own_stamps(recording, *stamps.values()), notes)
 
 
 def less_repeated(recording: Any, settings: Mapping[str, Any]) -> Any:

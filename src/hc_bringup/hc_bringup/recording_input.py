@@ -22,7 +22,7 @@ from hc_bringup.read_otherwise import (
     read_as,
     what_is_allowed,
 )
-from hc_bringup.real_readings import less_interpolated, less_repeated
+from hc_bringup.real_readings import at_even_times, less_interpolated, less_repeated
 
 ZEROS = ("force.zero", "position.zero")
 """What can be said of any recording."""
@@ -31,7 +31,7 @@ OF_A_TABLE = (
     *(
         f"{channel}.{name}"
         for channel in ("force", "position")
-        for name in ("sign", "scale", "zero", "time_offset", "held")
+        for name in ("sign", "scale", "zero", "time_offset", "held", "stamps")
     ),
     COMPLIANCE,
 )
@@ -50,6 +50,7 @@ _SENSOR = {
     "zero": _NUMBER,
     "time_offset": _NUMBER,
     "held": _FLAG,
+    "stamps": _TEXT,
 }
 _KINDS = {
     "force": _SENSOR,
@@ -82,7 +83,7 @@ def add_reading_options(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="NAME=VALUE",
         help="how the sensors are read, as the node's parameter input.NAME: force.zero (N) and "
-        "position.zero (mm), sign, scale, time_offset and held of either, and "
+        "position.zero (mm), sign, scale, time_offset, held and stamps of either, and "
         "position.frame_compliance (mm/N); of a bag with a wrench and a position topic also "
         "force.topic, force.axis, position.joint, pairing.maximum_gap "
         "and so on: with one of these its sensors are read, else its indenter/sample if there",
@@ -263,6 +264,7 @@ def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
             recording = read_recording(arguments.input, csv_options=options)
             recording = read_as(recording, sensors)
             if not getattr(arguments, "verify", False):  # which compares what was estimated then
+                recording = at_even_times(recording, sensors)
                 recording = less_interpolated(less_repeated(recording, sensors))
         else:
             recording = _read_sensors(arguments.input, sensors)

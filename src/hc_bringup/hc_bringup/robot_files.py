@@ -13,6 +13,7 @@ import numpy as np
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.robot_streams import Stream
 from hc_bringup.terminal.numbers import rounded
+from hc_estimator.stream.arrival_clock import ARRIVAL
 from hc_estimator.stream.merger import MAXIMUM_WAIT_S, needed_wait_s
 from hc_estimator.stream.sensor_setup import SensorProposal, SetupProposal
 from hc_estimator.stream.vocabulary import CHANNEL_DELAY
@@ -233,6 +234,15 @@ def _sensor(stream: Stream, found: SensorProposal, unit: str, offset_s: float) -
         settings.append(("time_offset", offset_s, "s"))
     if found.held:
         settings.append(("held", "true", f"new readings at {found.rate_hz:.0f} Hz, then repeated"))
+    if found.late_s:
+        settings.append(
+            (
+                "stamps",
+                ARRIVAL,
+                f"read at an even {found.rate_hz:.0f} Hz; stamps up to "
+                f"{1e3 * found.late_s:.2g} ms off",
+            )
+        )
     for name, value, comment in settings:
         if isinstance(value, str) and name not in ("scale", "zero", "held"):
             value = scalar_for_ros(value)

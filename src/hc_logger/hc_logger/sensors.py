@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from hc_estimator.stream.arrival_clock import ARRIVAL, MEASURED, measured_stamps
 from hc_estimator.stream.contact_frame import Quaternion, Vector
 from hc_estimator.stream.mapping import make_mapping
 from hc_estimator.stream.merger import Merged, Merger
@@ -64,6 +65,7 @@ class Sensor:
         base_frame: of /tf, the frame in which that is told; empty takes what it hangs on, or with
             an empty child_frame the root.
         held: the topic repeats the last reading until there is a new one: each counts once.
+        stamps: measured, or arrival: stamps say when a reading came, of a sensor at an even rate.
     """
 
     topic: str = ""
@@ -77,6 +79,7 @@ class Sensor:
     child_frame: str = ""
     base_frame: str = ""
     held: bool = False
+    stamps: str = MEASURED
 
 
 @dataclass(frozen=True)
@@ -117,6 +120,9 @@ def read_sensors(
     ):
         if not abs(seconds) <= LONGEST_S:
             raise ValueError(f"{name} = {seconds:g} s is not a number up to {LONGEST_S:g}")
+    for name, say in (("force", force.stamps), ("position", position.stamps)):
+        if say not in (MEASURED, ARRIVAL):
+            raise ValueError(f"{name}.stamps={say} is not {MEASURED} or {ARRIVAL}")
     with open_bag(path) as bag:
         force_topic = _topic(bag, force.topic, (FORCE_TYPE,), "force")
         position_topic, frame = _place(bag, position)
@@ -126,32 +132,35 @@ def read_sensors(
             maximum_gap_ns=round(pairing.maximum_gap_s * 1e9),
         )
         vectors = array("d")  # as objects those of an hour would take half a gigabyte
-        take_force = _force_reader(bag, force_topic, force, vectors)
-        take_position = (
-            _position_reader(bag, position_topic, position)
-            if frame is None
-            else _frame_reader(bag, position_topic, position, frame)
-        )
+
+        def readers(vectors: array[float]) -> tuple[Reader, Reader]:
+            return _force_reader(bag, force_topic, force, vectors), (
+                _position_reader(bag, position_topic, position)
+                if frame is None
+                else _frame_reader(bag, position_topic, position, frame)
+            )
+
+        takes = readers(vectors)
         samples: list[Merged] = []
         stamps_of: tuple[list[int], list[int]] = ([], [])  # of the forces, of the positions
         received: tuple[list[int], list[int]] = ([], [])
         longest_ns = round(SHARE * 1e9 * pairing.maximum_gap_s)
         repeated = (Repeats(longest_ns), Repeats(longest_ns))
-        for message in bag.messages({force_topic, position_topic}):
-            if message.topic == force_topic:
-                for stamp, value in take_force(message.data):
-                    if force.held and repeated[0].is_one(stamp, value):
-                        continue
-                    stamps_of[0].append(stamp)
-                    received[0].append(message.log_time)
-                    samples += merger.add_force(stamp, value, message.log_time)
-            else:
-                for stamp, value in take_position(message.data):
-                    if position.held and repeated[1].is_one(stamp, value):
-                        continue
-                    stamps_of[1].append(stamp)
-                    received[1].append(message.log_time)
-                    samples += merger.add_displacement(stamp, value, message.log_time)
+        topics, sensors = (force_topic, position_topic), (force, position)
+        adds = (merger.add_force, merger.add_displacement)
+        measured = [
+            _measured(bag, *channel)
+            for channel in zip(topics, readers(array("d")), sensors, strict=True)
+        ]
+        for message in bag.messages(set(topics)):
+            channel = topics.index(message.topic)
+            for came, value in takes[channel](message.data):
+                stamp = next(measured[channel], came)
+                if sensors[channel].held and repeated[channel].is_one(stamp, value):
+                    continue
+                stamps_of[channel].append(stamp)
+                received[channel].append(message.log_time)
+                samples += adds[channel](stamp, value, message.log_time)
         samples += merger.flush()
         problems = list(bag.problems)
         words = _words(bag, position_topic, position, frame)
@@ -164,7 +173,6 @@ def read_sensors(
         if count:
             problems.append(f"{count} reading{'s'[: count > 1]} left out {text}")
     if counters.unpaired + counters.late > len(samples):
-        topics = (force_topic, position_topic)
         wait_ns = round(pairing.maximum_wait_s * NANOSECONDS)
         if why := why_no_pairs(topics, stamps_of, received, wait_ns, force.time_offset_s):
             problems.insert(0, why)
@@ -256,6 +264,14 @@ def _topic(bag: Bag, name: str, types: tuple[str, ...], what: str) -> str:
 
 
 Reader = Callable[[bytes], Iterator[tuple[int, float]]]
+
+
+def _measured(bag: Bag, topic: str, take: Reader, sensor: Sensor) -> Iterator[int]:
+    """Return when each reading was measured [ns], none where the stamps say so themselves."""
+    if sensor.stamps == MEASURED:
+        return iter(())
+    came = [stamp for message in bag.messages({topic}) for stamp, _value in take(message.data)]
+    return iter(measured_stamps(np.array(came, np.int64)).tolist())
 
 
 def _direction(sensor: Sensor) -> Vector:

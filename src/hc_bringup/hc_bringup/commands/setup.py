@@ -288,10 +288,15 @@ def _tell(stream: Any, found: Any, unit: str) -> None:
         if found.held
         else ""
     )
+    late = (
+        f"; stamped on arrival, up to {1e3 * found.late_s:.2g} ms off: read at even times"
+        if found.late_s
+        else ""
+    )
     zero = "zero not known" if found.zero != found.zero else f"zero {found.zero:.4g} {unit}"
     say(
         f"{stream.name}: {along}, sign {found.sign:+d}, {zero}, noise {found.noise:.2g} {unit}, "
-        f"{found.rate_hz:.0f} Hz{held}"
+        f"{found.rate_hz:.0f} Hz{held}{late}"
     )
 
 

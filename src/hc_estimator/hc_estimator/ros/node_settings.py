@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from hc_estimator.ros.effort_settings import EFFORT_SETTINGS
 from hc_estimator.stream import frame_compliance
+from hc_estimator.stream.arrival_clock import ARRIVAL, MEASURED
 from hc_estimator.stream.mapping import AXES
 from hc_estimator.stream.merger import MAXIMUM_WAIT_S
 from hc_estimator.stream.vocabulary import SessionSettings
@@ -63,6 +64,7 @@ READING = frozenset(
                 "zero",
                 "time_offset",
                 "held",
+                "stamps",
             )
         ),
         *(setting.name for setting in EFFORT_SETTINGS),
@@ -78,7 +80,7 @@ def _table(*settings: ParameterSpecification) -> dict[str, ParameterSpecificatio
 def _sensor_settings(
     sensor: str, topic: str, zero: str, unit: str, message: str
 ) -> tuple[ParameterSpecification, ...]:
-    """Return what both sensors have: topic, axis, direction, sign, scale, zero, offset, held."""
+    """Return what both sensors have: topic, axis, sign, scale, zero and what stamps say."""
     name = f"input.{sensor}"
     return (
         setting(f"{name}.topic", topic, f"Topic of the {sensor} sensor, {message}."),
@@ -120,6 +122,13 @@ def _sensor_settings(
             f"{name}.held",
             False,
             "The topic repeats the last reading until there is a new one: count each once.",
+        ),
+        setting(
+            f"{name}.stamps",
+            MEASURED,
+            "measured: stamps say when a reading was measured; arrival: when it arrived, of a "
+            "sensor that reads at an even rate (in packets, over USB or a network).",
+            choices=(MEASURED, ARRIVAL),
         ),
     )
 

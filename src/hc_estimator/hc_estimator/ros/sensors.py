@@ -25,6 +25,7 @@ from hc_estimator.ros.sample_output import SampleOutput
 from hc_estimator.ros.settings_meaning import contact_frame, sensor_mapping
 from hc_estimator.ros.tool_frames import ToolFrames
 from hc_estimator.stream import frame_compliance
+from hc_estimator.stream.arrival_clock import ARRIVAL, ArrivalClock, Timed
 from hc_estimator.stream.contact_frame import Quaternion, Vector, unit_quaternion
 from hc_estimator.stream.contact_reading import ContactReading
 from hc_estimator.stream.frame_compliance import FrameCompliance
@@ -34,6 +35,7 @@ from hc_estimator.stream.poses import SurfacePose, ToolPose
 from hc_estimator.stream.repeats import SHARE, Repeats
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, sent_mm
 
+_CHANNELS = ("force", "position")
 _POSITION_TYPES = {"joint": JointState, "pose": PoseStamped, "transform": TransformStamped}
 
 
@@ -69,6 +71,8 @@ class SensorInput:
             self._contact = ContactReading(contact_frame(values), moves=moves)
         self._frame = FrameCompliance()
         self._repeated_forces, self._repeated_positions = Repeats(), Repeats()
+        self._force_clock: ArrivalClock | None = None
+        self._position_clock: ArrivalClock | None = None
         self._merger = Merger(
             maximum_wait_ns=0, reorder_window_ns=0, maximum_gap_ns=1, with_surface=moves
         )
@@ -150,7 +154,14 @@ class SensorInput:
             self._joint,
             self._child_frame,
             values["input.position.base_frame"],
+            values["input.force.stamps"],
+            values["input.position.stamps"],
         )
+        if reading != self._reading:
+            of_arrival = (values[f"input.{name}.stamps"] == ARRIVAL for name in _CHANNELS)
+            self._force_clock, self._position_clock = (
+                ArrivalClock() if is_of_arrival else None for is_of_arrival in of_arrival
+            )
         if self._reading and reading != self._reading:
             self._merger.clear()  # readings of before and after do not belong together
             self._repeated_forces.forget()
@@ -207,7 +218,11 @@ class SensorInput:
             value = self._force_mapping.of_vector(force.x, force.y, force.z)
         else:
             value = (force.x, force.y, force.z)
-        stamp_ns = nanoseconds_from_stamp(message.header.stamp) + self._force_offset_ns
+        came_ns = nanoseconds_from_stamp(message.header.stamp)
+        for measured_ns, force_or_vector in _timed(self._force_clock, came_ns, value):
+            self._add_force(measured_ns + self._force_offset_ns, force_or_vector)
+
+    def _add_force(self, stamp_ns: int, value: float | Vector) -> None:
         if self._holds_forces and self._repeated_forces.is_one(stamp_ns, value):
             return
         arrival_ns = self._forces.received_ns
@@ -219,7 +234,7 @@ class SensorInput:
             self._missing_joint += 1
             return
         value = self._position_mapping.of_scalar(message.position[index] * METRE_IN_MM)
-        self._add_position(nanoseconds_from_stamp(message.header.stamp), value)
+        self._take_position(nanoseconds_from_stamp(message.header.stamp), value)
 
     def _take_pose(self, message: Any) -> None:
         self._take_message(message, message.pose.position, message.pose.orientation)
@@ -240,14 +255,18 @@ class SensorInput:
         if self._contact is None:
             self.position = (place, frame_id)
             x, y, z = (METRE_IN_MM * part for part in place)
-            self._add_position(stamp_ns, self._position_mapping.of_vector(x, y, z))
+            self._take_position(stamp_ns, self._position_mapping.of_vector(x, y, z))
             return
         try:
             turned = unit_quaternion(attitude)
         except ValueError:
             self._unusable_attitudes += 1
             return
-        self._add_position(stamp_ns, ToolPose(place, turned))
+        self._take_position(stamp_ns, ToolPose(place, turned))
+
+    def _take_position(self, came_ns: int, value: float | ToolPose) -> None:
+        for measured_ns, place in _timed(self._position_clock, came_ns, value):
+            self._add_position(measured_ns, place)
 
     def _add_position(self, stamp_ns: int, value: float | ToolPose) -> None:
         arrival_ns = self._positions.received_ns
@@ -310,3 +329,8 @@ class SensorInput:
         if finder is not None and along.push is not None:
             finder.add(along.push, force_n - self._force_zero)
         return depth_mm, force_n
+
+
+def _timed(clock: ArrivalClock | None, came_ns: int, value: Any) -> Timed:
+    """Return readings with when they were measured [ns]: this one, or those that waited with it."""
+    return [(came_ns, value)] if clock is None else clock.take(came_ns, value)

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_estimator.stream.arrival_stamps import find_even_times
 from hc_estimator.stream.channel_checks import held
 from hc_estimator.stream.free_motion import free_motion
 from hc_estimator.stream.readings import (
@@ -74,6 +75,8 @@ class SensorProposal(NamedTuple):
         rate_hz: median rate of the readings.
         scale: N or mm that one of the reading stands for.
         held: whether its topic repeats the last reading until there is a new one.
+        late_s: by how much its stamps are off, which are those of arrival [s]; 0 where they are
+            those of measurement.
     """
 
     axis: str
@@ -86,6 +89,7 @@ class SensorProposal(NamedTuple):
     rate_hz: float
     scale: float = 1.0
     held: bool = False
+    late_s: float = 0.0
 
     def rescaled(self, factor: float) -> SensorProposal:
         """Return the proposal for readings that stand for so many times as much."""
@@ -159,10 +163,12 @@ def propose(
     for readings, what in ((force, "force"), (position, "position")):
         if len(readings.time_s) < LEAST_SAMPLES:
             raise SetupError(f"{len(readings.time_s)} readings of the {what} are too few")
-    repeated = [False, False]
+    repeated, late_s = [False, False], [0.0, 0.0]
     if force.of_joints:
         force, position = _one_joint(force, position)
     else:
+        force, late_s[0] = _at_even_times(force)
+        position, late_s[1] = _at_even_times(position)
         force, repeated[0] = _each_once(force)
         position, repeated[1] = _each_once(position)
     resting = None if rest_s is None else force.time_s <= rest_s
@@ -202,10 +208,10 @@ def propose(
     zero_n, surface_mm, surface_std, notes = _zeros(moved, pushed, inside, resting)
     return SetupProposal(
         _described(push, force, zero_n, noise_n / math.sqrt(LEAST_SAMPLES), noise_n)._replace(
-            held=repeated[0]
+            held=repeated[0], late_s=late_s[0]
         ),
         _described(move, position, surface_mm, surface_std, noise(position.values @ move))._replace(
-            held=repeated[1]
+            held=repeated[1], late_s=late_s[1]
         ),
         *_at_own_stamps(
             force.time_s[inside],
@@ -215,6 +221,22 @@ def propose(
         ),
         tuple(notes),
     )
+
+
+def _at_even_times(readings: VectorReadings) -> tuple[VectorReadings, float]:
+    """Return the readings at the even times at which they were taken, if their stamps are others.
+
+    Returns:
+        Beside them by how much the stamps are off [s]; 0 where they are not.
+    """
+    stamps_ns = np.round(readings.time_s * NANOSECONDS).astype(np.int64)
+    swings = np.ptp(readings.values, axis=0) / np.maximum(
+        [noise(column) for column in readings.values.T], 1e-12
+    )
+    found = find_even_times(stamps_ns, readings.values[:, int(np.argmax(swings))])
+    if found is None:
+        return readings, 0.0
+    return readings._replace(time_s=found.stamps_ns / NANOSECONDS), found.late_s
 
 
 def _each_once(readings: VectorReadings) -> tuple[VectorReadings, bool]:

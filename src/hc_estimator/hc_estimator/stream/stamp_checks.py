@@ -38,7 +38,8 @@ def irregular(readings: Readings) -> Parts[str]:
     if together > _TOGETHER:
         return (
             f"the {name} comes in bursts, {100 * together:.0f} % of the readings at the time of "
-            "the one before, as stamps of arrival do: stamp them when they are measured"
+            "the one before, as stamps of arrival do: stamp them when they are measured, or say "
+            f"that they are not ({_setting(name)}: arrival)"
         )
     if mean > 1.2 * usual:
         return (
@@ -51,9 +52,14 @@ def irregular(readings: Readings) -> Parts[str]:
         return (
             f"the {name} is read at even times, but {100 * share:.0f} % of its stamps are off, by "
             f"up to {1e3 * off_s:.2g} ms, as stamps of arrival are: stamp the readings when they "
-            "are measured, and write all digits"
+            f"are measured, and write all digits, or say that they are not ({_setting(name)}: "
+            "arrival)"
         )
     return ""
+
+
+def _setting(name: str) -> str:
+    return "force.stamps" if name == "force" else "position.stamps"
 
 
 _TOGETHER = 0.2
