@@ -1,4 +1,7 @@
-"""Samples that were interpolated or repeated are no readings: commands say so, leave them out."""
+"""Commands estimate from what was read, when it was read, and say where a table holds other things.
+
+Samples that were interpolated or repeated are no readings; stamps of arrival are no times of them.
+"""
 
 import csv
 import json
@@ -114,3 +117,76 @@ def test_who_says_that_it_is_not_repeated_is_believed(repeated, capsys):
     assert "counts once" not in said.err.replace("count each reading once", "")
     assert "changes only once in 4 samples" in said.err
     assert json.loads(said.out)["displacements"] == 2500
+
+
+AT_EVEN_TIMES = "the stamps are those of arrival, up to "
+
+
+@pytest.fixture(scope="module")
+def arrived(tmp_path_factory):
+    """Fifteen seconds at 500 Hz of a tool whose readings come by USB, eight at a time."""
+    generator = np.random.default_rng(6)
+    time_s = np.arange(0.0, 15.0, 0.002)
+    depth, speed = np.full(time_s.size, 2.5), np.zeros(time_s.size)
+    for hertz, phase in ((0.31, 1.0), (0.94, 2.2), (1.75, 0.3)):
+        depth += 0.6 * np.sin(2.0 * np.pi * hertz * time_s + phase)
+        speed += 1.2 * np.pi * hertz * np.cos(2.0 * np.pi * hertz * time_s + phase)
+    force = depth**1.3 * (1.1 + 0.02 * speed) + 0.01 * generator.standard_normal(time_s.size)
+    depth = depth + 0.003 * generator.standard_normal(time_s.size)
+    came_s = np.ceil((time_s + 1e-6) / 0.016) * 0.016 + 1e-5 * (np.arange(time_s.size) % 8)
+    path = tmp_path_factory.mktemp("arrived") / "usb.csv"
+    rows = np.column_stack([came_s, depth, force])
+    names = "time_s,displacement_mm,force_N"
+    np.savetxt(path, rows, delimiter=",", header=names, comments="", fmt="%.7f")
+    return path
+
+
+def stiffness_of(arguments, capsys):
+    assert main([*arguments, "--json"]) in (0, 1)
+    said = capsys.readouterr()
+    return json.loads(said.out)["parameters"]["stiffness"], said.err
+
+
+def test_readings_that_are_stamped_on_arrival_are_estimated_at_even_times(arrived, capsys):
+    stiffness, said = stiffness_of(["estimate", str(arrived)], capsys)
+    assert AT_EVEN_TIMES in said
+    assert "read at an even 500 Hz" in said
+    assert "comes in bursts" not in said
+    assert abs(stiffness - 1.1) < 0.005
+    both = [w for name in ("force", "position") for w in ("--input", f"{name}.stamps=arrival")]
+    again, said = stiffness_of(["estimate", str(arrived), *both], capsys)
+    assert AT_EVEN_TIMES not in said
+    assert again == stiffness
+
+
+def test_who_says_that_stamps_are_of_measurement_is_believed(arrived, capsys):
+    both = [w for name in ("force", "position") for w in ("--input", f"{name}.stamps=measured")]
+    stiffness, said = stiffness_of(["estimate", str(arrived), *both], capsys)
+    assert AT_EVEN_TIMES not in said
+    assert "comes in bursts" in said
+    assert "or say that they are not (force.stamps: arrival)" in said
+    assert abs(stiffness - 1.1) > 0.005
+
+
+def test_what_stamps_say_is_one_of_two_things(arrived, capsys):
+    assert main(["estimate", str(arrived), "--input", "force.stamps=late"]) == 2
+    said = capsys.readouterr().err
+    assert "--input force.stamps=late is not one of measured, arrival" in said
+
+
+def test_a_channel_alone_is_put_at_even_times(arrived, tmp_path, capsys):
+    """The positions are stamped when they are measured, the forces when they come."""
+    came, depth, force = np.loadtxt(arrived, delimiter=",", skiprows=1).T
+    measured = np.arange(came.size) * 0.002
+    nothing = np.full(came.size, np.nan)
+    rows = np.concatenate(
+        [np.column_stack([measured, depth, nothing]), np.column_stack([came, nothing, force])]
+    )
+    path = tmp_path / "two.csv"
+    names = "time_s,displacement_mm,force_N"
+    rows = rows[np.argsort(rows[:, 0], kind="stable")]
+    np.savetxt(path, rows, delimiter=",", header=names, comments="", fmt="%.7f")
+    stiffness, said = stiffness_of(["estimate", str(path)], capsys)
+    assert "the stamps of the force are those of arrival" in said
+    assert "stamps of the displacement" not in said
+    assert abs(stiffness - 1.1) < 0.01

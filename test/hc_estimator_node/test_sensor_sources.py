@@ -232,3 +232,52 @@ def test_the_node_counts_each_reading_of_both_sensors_once(ros_domain, held):
     assert len(places) > 20
     again = [np.mean(np.diff(column) == 0.0) for column in (places, pushes)]
     assert again == [0.0, 0.0] if held else min(again) > 0.4
+
+
+@pytest.mark.process
+def test_the_node_puts_readings_that_are_stamped_on_arrival_at_even_times(ros_domain):
+    """Forces of 500 Hz come in packets of eight; the rate is known after half a second."""
+    values = {name: setting.default for name, setting in NODE_SETTINGS.items()} | {
+        "input.source": "sensors",
+        "input.force.topic": "wrench",
+        "input.force.stamps": "arrival",
+        "input.position.topic": "pose",
+        "input.position.type": "pose",
+        "input.publish_samples": False,
+    }
+    receiver, period_ns = Receiver(), 2_000_000
+    with (
+        running_node(ros_domain) as (node, executor),
+        closing(SensorInput(node, receiver, values)) as sensors,
+    ):
+        forces = node.create_publisher(WrenchStamped, "wrench", 100)
+        poses = node.create_publisher(PoseStamped, "pose", 100)
+        wait_for_subscribers(executor, forces, poses)
+        begin_ns, end_s = time.time_ns(), time.monotonic() + 40.0
+
+        def publish(first, last):
+            for i in range(first, last):
+                wrench, pose = WrenchStamped(), PoseStamped()
+                came = begin_ns + (i // 8 * 8 + 7) * period_ns + i % 8 * 20_000
+                set_stamp(wrench.header.stamp, came)
+                set_stamp(pose.header.stamp, begin_ns + i * period_ns)
+                wrench.wrench.force.z = float(i)
+                pose.pose.position.z = 1e-3 * i
+                forces.publish(wrench)
+                poses.publish(pose)
+                executor.spin_once(timeout_sec=0.01)
+                executor.spin_once(timeout_sec=0.001)
+
+        publish(0, 800)
+        samples = np.array(receiver.samples)
+        of_force = samples[~np.isnan(samples[:, 2])][-300:]
+        late_ns = of_force[:, 0] - begin_ns - of_force[:, 2] * period_ns
+        assert np.ptp(late_ns) < 5_000
+        assert 0.0 <= late_ns[0] < 200_000  # what the last one of a packet took
+        sensors.configure(values | {"input.force.stamps": "measured"})
+        number = len(receiver.samples)
+        publish(800, 960)
+        assert time.monotonic() < end_s
+        samples = np.array(receiver.samples[number:])
+        of_force = samples[~np.isnan(samples[:, 2])][-80:]
+        assert np.ptp(of_force[:, 0] - begin_ns - of_force[:, 2] * period_ns) > 10_000_000

@@ -157,3 +157,42 @@ def test_a_reading_that_is_repeated_counts_once(tmp_path: Path) -> None:
     assert places.tolist() == list(range(0, 1000, 90))  # it rests: once in 90 ms
     every = read_sensors(tmp_path / "bag", Sensor(axis="x"), Sensor(joint="other"))
     assert np.count_nonzero(~np.isnan(every.displacement_mm)) == 101
+
+
+def test_forces_that_are_stamped_on_arrival_get_the_times_of_measurement(tmp_path: Path) -> None:
+    from geometry_msgs.msg import PoseStamped, WrenchStamped
+    from rclpy.serialization import serialize_message
+
+    with BagWriter(tmp_path / "bag") as writer:
+        force = writer.add_topic("/ft/wrench", "geometry_msgs/msg/WrenchStamped")
+        pose = writer.add_topic("/pose", "geometry_msgs/msg/PoseStamped")
+        for k in range(4000):
+            measured_ns = START_NS + k * 1_000_000
+            came_ns = START_NS + (k // 16 * 16 + 15) * 1_000_000 + k % 16 * 10_000
+            wrench = WrenchStamped()
+            wrench.wrench.force.z = 1e-3 * k
+            stamp = wrench.header.stamp
+            stamp.sec, stamp.nanosec = divmod(came_ns, 10**9)
+            writer.write(force, came_ns, serialize_message(wrench))
+            if k % 8 == 0:
+                place = PoseStamped()
+                place.pose.position.z = 1e-6 * k
+                place.header.stamp.sec, place.header.stamp.nanosec = divmod(measured_ns, 10**9)
+                writer.write(pose, measured_ns, serialize_message(place))
+    offset = Sensor(stamps="arrival", time_offset_s=-0.01)
+    for sensor, shifted_s in ((Sensor(stamps="arrival"), 0.0), (offset, 0.01)):
+        read = read_sensors(tmp_path / "bag", sensor)
+        there = ~np.isnan(read.force_n)
+        assert np.count_nonzero(there) > 3900
+        late = (read.stamps[there] - START_NS) * 1e-9 - read.force_n[there] + shifted_s
+        assert np.max(np.abs(late - 0.00015)) < 2e-6  # what the last one of a packet took
+        places = ~np.isnan(read.displacement_mm)
+        assert np.array_equal(
+            read.stamps[places] - START_NS, np.round(read.displacement_mm[places] * 1e9)
+        )
+    as_stamped = read_sensors(tmp_path / "bag")
+    there = ~np.isnan(as_stamped.force_n)
+    late = (as_stamped.stamps[there] - START_NS) * 1e-9 - as_stamped.force_n[there]
+    assert np.max(late) > 0.014
+    with pytest.raises(ValueError, match=r"force\.stamps=received is not measured or arrival"):
+        read_sensors(tmp_path / "bag", Sensor(stamps="received"))
