@@ -24,7 +24,7 @@ from hc_estimator.linear_algebra import (
     copy_matrix,
     copy_vector,
 )
-from hc_estimator.multiple_model import delay_sensitivity, smoothing
+from hc_estimator.multiple_model import delay_sensitivity, relinearisation, smoothing
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.fit_covariance import (
@@ -106,6 +106,8 @@ def update(settings: Any, bank: Any) -> bool:
     history.fitted = 1
     history.left = left if left > SMALLEST_SHARE * bank.sensor_noise[1] else 0.0
     give(history, constant, row)
+    if relinearisation.is_misled(settings, history, constant):
+        give(history, constant, constant)
     return True
 
 

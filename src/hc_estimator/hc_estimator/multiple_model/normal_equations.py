@@ -24,6 +24,7 @@ from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import guess_of, is_held, prior_deviation
 
 HELD_SHARE = 1e-3  # of the prior's deviation that is left to what is held
+TAIL = 2.5  # deviations from the first guess of B / K, beyond which it pulls no harder
 
 
 @compiled
@@ -216,11 +217,24 @@ def prior_off(settings: Any, history: Any, values: Any, i: int) -> float:
 
 
 @compiled
+def _share_of_prior(history: Any, i: int, off: float) -> float:
+    """How much a first guess counts so many deviations away: that of B / K has long tails (Huber).
+
+    What hardly damps, as a spring, would be known to damp, by the first guess alone.
+    """
+    if i != 1 or history.held[i] != 0 or abs(off) <= TAIL:
+        return 1.0
+    return TAIL / abs(off)
+
+
+@compiled
 def prior_cost(settings: Any, history: Any, values: Any) -> float:
-    """Squared distance from the prior."""
+    """Squared distance from the prior, less than that in its tails."""
     total = 0.0
     for i in range(values.shape[0]):
-        total += prior_off(settings, history, values, i) ** 2
+        off = prior_off(settings, history, values, i)
+        share = _share_of_prior(history, i, off)
+        total += share * (2.0 - share) * off**2
     return total
 
 
@@ -244,8 +258,10 @@ def add_prior(settings: Any, history: Any, values: Any, weight: float) -> None:
         if deviation <= 0.0:
             information[i, i] = 1.0
             continue
-        off = prior_off(settings, history, values, i) / deviation
-        square = 1.0 / (deviation * deviation)
+        off = prior_off(settings, history, values, i)
+        share = _share_of_prior(history, i, off)
+        off *= share / deviation
+        square = share / (deviation * deviation)
         slope[i] -= off
         information[i, i] += square
         if i == 1 and not is_held(settings, 0):
