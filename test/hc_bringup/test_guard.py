@@ -120,14 +120,17 @@ def run(*words: str, **options) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_a_full_standard_output_is_told() -> None:
-    buffered = {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"}
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("words", [["simulate"], ["simulate", "--help"], ["completion", "bash"]])
+def test_a_full_standard_output_is_told(words: list[str], unbuffered: str) -> None:
+    """Regression: unbuffered, help ended with 0, all else as a fault that is written down."""
+    environment = os.environ | {"PYTHONUNBUFFERED": unbuffered}
     with open("/dev/full", "w") as full:
         done = subprocess.run(
-            [*HC, "simulate"], stdout=full, stderr=subprocess.PIPE, text=True, env=buffered
+            [*HC, *words], stdout=full, stderr=subprocess.PIPE, text=True, env=environment
         )
     assert done.returncode == 1
-    assert done.stderr == "hc simulate: cannot write standard output: No space left on device\n"
+    assert done.stderr == f"hc {words[0]}: cannot write standard output: No space left on device\n"
 
 
 def test_an_early_interrupt_is_quiet() -> None:

@@ -157,6 +157,26 @@ def test_what_a_table_does_not_have_is_refused(press_table, capsys, setting, exp
     assert expected in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("offset", ["force.time_offset=1e9", "position.time_offset=-1.2"])
+def test_an_offset_that_moves_the_channels_apart_is_refused(press_table, capsys, offset) -> None:
+    """Regression: "the 4000 samples show nothing of K, B, n and p: press, and move"."""
+    path = press_table("table.csv", lambda t, d, f: (t, d, f))
+    assert main(["estimate", str(path), "--input", offset]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    name, _, value = offset.partition("=")
+    assert f"--input: {name}={float(value):g} s leaves " in line
+    assert "of the 2 s in which there are displacements and forces" in line
+    loaded(path, "force.time_offset=0.9")  # half a recording stays: somebody may mean it
+
+
+def test_an_offset_that_brings_two_clocks_together_is_no_fault(tmp_path: Path) -> None:
+    rows = [f"{k * 1e-3:.3f},{k * 1e-3:.4f},nan" for k in range(1000)]
+    rows += [f"{37 + k * 1e-3:.3f},nan,{k * 1e-3:.4f}" for k in range(1000)]
+    path = tmp_path / "clocks.csv"
+    path.write_text("\n".join(["time_s,displacement_mm,force_N", *rows]) + "\n")
+    assert np.ptp(loaded(path, "force.time_offset=-37").time_s) == pytest.approx(0.999)
+
+
 @pytest.mark.parametrize(
     ("settings", "expected"),
     [

@@ -332,7 +332,7 @@ def test_a_node_that_cannot_start_is_reported_with_what_it_said(
 ) -> None:
     path = broken_plan(command_line.folder, node, parameters)
     done = command_line.run("run", path, "--headless", "--duration", "2", timeout=240)
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert done.stdout == ""
     lines = done.stderr.splitlines()
     said, told, bag = lines[-1].partition("; what was recorded is in ")

@@ -13,6 +13,7 @@ import pytest
 
 from hc_bringup.plan import NodePlan
 from hc_bringup.processes import NodeProcess, describe_exit, end_all
+from hc_bringup.runner import NodeDiedError
 from hc_msgs_py.node_processes import Processes
 
 NODE = """
@@ -156,3 +157,9 @@ def test_what_a_node_used_before_it_was_started_again_counts(process):
 def test_every_exit_status_has_words(status, said):
     """Regression: a real-time signal has no name, and was an internal error."""
     assert describe_exit(status) == said
+
+
+@pytest.mark.parametrize(("status", "expected"), [(2, 2), (1, 1), (-9, 1)])
+def test_a_node_that_refused_what_it_was_given_is_wrong_use(status: int, expected: int) -> None:
+    """Regression: `hc run --filter nope` ended with 1, `hc estimate --filter nope` with 2."""
+    assert NodeDiedError("estimator", status, "it said why").status == expected

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from types import FrameType
 from typing import Any, Final, NoReturn
 
-from hc_bringup import heartbeat, last_resort
+from hc_bringup import heartbeat, last_resort, standard_output
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError, shortened
 from hc_bringup.guard import explain
 from hc_bringup.wrapping import wrapped
@@ -294,10 +294,10 @@ def _flush() -> None:
     try:
         sys.stdout.flush()
     except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        standard_output.drop()
         if isinstance(error, BrokenPipeError):
             raise
-        raise UserError(f"cannot write standard output: {error.strerror}") from error
+        raise standard_output.unwritable(error) from error
 
 
 def _tell(words: list[str], error: UserError) -> int:

@@ -39,13 +39,14 @@ def main() -> int:
 
     byte_code.spare_a_full_disk()
     try:
-        from hc_bringup import cli, last_resort
+        from hc_bringup import cli, last_resort, standard_output
         from hc_msgs_py.warnings_of_others import ignore_those_of_others
     except (EOFError, ValueError, TypeError, ImportError) as error:
         byte_code.start_again(error)
         raise
 
     _open_what_is_closed()
+    sys.stdout = standard_output.guarded(sys.stdout)  # type: ignore[arg-type]  # as it was made
     if not sys.warnoptions:
         warnings.simplefilter("ignore")  # they are for developers: python -W default
     ignore_those_of_others()

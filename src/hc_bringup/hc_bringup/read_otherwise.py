@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 FARTHEST = 1.2
 """Times what the tool moved: a robot gives way no further, and readings have noise."""
+LEAST_TOGETHER = 0.5
+"""Share of a recording in which an offset has to leave both channels."""
 _FIRST = 20_000
 """Samples that the slow comparison of the channels gets."""
 
@@ -93,6 +95,58 @@ def at_own_stamps(recording: Any, of_displacement: Any, of_force: Any) -> Any:
         displacement_mm=np.ascontiguousarray(readings[order, 0]),
         force_n=np.ascontiguousarray(readings[order, 1]),
     )
+
+
+def check_as_read(sensors: Mapping[str, Any]) -> None:
+    """Check the values that topics of sensors would have checked.
+
+    Raises:
+        ValueError: if one is not allowed.
+    """
+    from hc_logger.sensors import LONGEST_S
+
+    for name, value in sensors.items():
+        if name.endswith(".sign") and value not in (1, -1):
+            raise ValueError(f"{name}={value} is not 1 or -1")
+        if name.endswith(".time_offset") and abs(value) > LONGEST_S:
+            raise ValueError(f"{name}={value:g} s is not a number up to {LONGEST_S:g}")
+
+
+def check_overlap(recording: Any, read: Any, settings: Mapping[str, Any]) -> None:
+    """See that offsets of stamps leave the channels at one time.
+
+    Args:
+        recording: as it stands.
+        read: the same with its stamps shifted.
+        settings: the offsets among them.
+
+    Raises:
+        ValueError: if they are together for less than half as long as they were.
+    """
+    offsets = [f"{name}={s:g}" for name, s in settings.items() if name.endswith(".time_offset")]
+    if not offsets:
+        return
+    before_s, after_s = _together_s(recording), _together_s(read)
+    if after_s < LEAST_TOGETHER * before_s:
+        raise ValueError(
+            f"{', '.join(offsets)} s leaves {after_s:.3g} of the {before_s:.3g} s in which there "
+            "are displacements and forces: it is what is added to the stamps of a sensor that is "
+            "late or early, -0.02 say"
+        )
+
+
+def _together_s(recording: Any) -> float:
+    """Return for how long both channels have readings [s]."""
+    import numpy as np
+
+    spans = []
+    for values in (recording.displacement_mm, recording.force_n):
+        stamps = recording.stamps[~np.isnan(values)]
+        if not stamps.size:
+            return 0.0
+        spans.append((int(stamps.min()), int(stamps.max())))
+    (first, last), (begin, end) = spans
+    return max(0, min(last, end) - max(first, begin)) / NANOSECONDS
 
 
 def what_is_allowed(name: str, value: float | str) -> str:

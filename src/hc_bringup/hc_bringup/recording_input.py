@@ -14,9 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from hc_bringup import file_preset
-from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.options import assignment, each_once, natural, positive
 from hc_bringup.read_otherwise import (
+    check_as_read,
+    check_overlap,
     from_surface,
     less_compliance,
     read_as,
@@ -167,10 +169,11 @@ def csv_options(arguments: argparse.Namespace) -> Any:
     """Return what the options say of a CSV file (hc_logger.csv_options.CsvOptions).
 
     Raises:
-        UserError: if one is not of its form.
+        UserError: if one cannot be.
     """
     from hc_logger.csv_options import CsvOptions, parse_assignments
     from hc_logger.csv_table import SEPARATORS
+    from hc_logger.errors import BagError
 
     given = {}
     for name in ("columns", "units"):
@@ -181,7 +184,7 @@ def csv_options(arguments: argparse.Namespace) -> Any:
             raise UserError(f"--{name}: {error}", WRONG_USE) from error
     words = {word: character for character, word in SEPARATORS.items()}
     separator = arguments.separator or ""
-    return CsvOptions(
+    options = CsvOptions(
         columns=given["columns"],
         units=given["units"],
         separator=words.get(separator, "\t" if separator == "\\t" else separator),
@@ -190,6 +193,11 @@ def csv_options(arguments: argparse.Namespace) -> Any:
         encoding=arguments.encoding or "",
         rate_hz=arguments.rate or 0.0,
     )
+    try:
+        options.check()
+    except BagError as error:
+        raise UserError(str(error), WRONG_USE) from error
+    return options
 
 
 def refuse_csv_options(arguments: argparse.Namespace, recording: object) -> None:
@@ -238,7 +246,7 @@ def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
     """
     from hc_bringup.turn_watch import bag_turning_line
     from hc_logger.csv_open import is_text
-    from hc_logger.errors import BagError
+    from hc_logger.errors import BagError, WrongOptionError
     from hc_logger.recording import has_samples, read_recording
 
     check(arguments)
@@ -258,11 +266,12 @@ def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
         if not table and set(sensors) <= set(OF_A_TABLE):
             as_read = has_samples(arguments.input)
         if as_read:
-            _check_as_read(sensors)
+            check_as_read(sensors)
         if as_read or set(sensors) <= set(ZEROS):
             options = csv_options(arguments)
             recording = read_recording(arguments.input, csv_options=options)
-            recording = read_as(recording, sensors)
+            as_it_stands, recording = recording, read_as(recording, sensors)
+            check_overlap(as_it_stands, recording, sensors)
             if not getattr(arguments, "verify", False):  # which compares what was estimated then
                 recording = at_even_times(recording, sensors)
                 recording = less_interpolated(less_repeated(recording, sensors))
@@ -276,25 +285,9 @@ def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
     except ValueError as error:
         raise UserError(f"--input: {error}", WRONG_USE) from error
     except BagError as error:
-        raise UserError(str(error)) from error
+        wrong = WRONG_USE if isinstance(error, WrongOptionError) else FAILURE
+        raise UserError(str(error), wrong) from error
     return from_surface(recording, mm_per_n) if arguments.find_surface else recording
-
-
-def _check_as_read(sensors: Mapping[str, Any]) -> None:
-    """Check the values that topics of sensors would have checked.
-
-    Raises:
-        UserError: if one is not allowed.
-    """
-    from hc_logger.sensors import LONGEST_S
-
-    for name, value in sensors.items():
-        if name.endswith(".sign") and value not in (1, -1):
-            raise UserError(f"--input {name}={value} is not 1 or -1", WRONG_USE)
-        if name.endswith(".time_offset") and abs(value) > LONGEST_S:
-            raise UserError(
-                f"--input {name}={value:g} s is not a number up to {LONGEST_S:g}", WRONG_USE
-            )
 
 
 def reads_samples(arguments: argparse.Namespace) -> bool:

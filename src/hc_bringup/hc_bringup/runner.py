@@ -16,7 +16,7 @@ from types import FrameType
 
 from hc_bringup import byte_code, last_resort
 from hc_bringup.domain_lock import DomainLock, domain_id
-from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.monitor import NOT_STARTED, Monitor
 from hc_bringup.plan import RunPlan
 from hc_bringup.processes import NodeProcess, describe_exit, end_all
@@ -331,5 +331,6 @@ class NodeDiedError(UserError):
 
     def __init__(self, name: str, status: int, output: str) -> None:
         why = f": {byte_code.clear()}" if byte_code.in_output(output) else ""
-        super().__init__(f"node {name} {describe_exit(status)}{why}")
+        wrong = WRONG_USE if status == WRONG_USE else FAILURE  # of the parameters it was given
+        super().__init__(f"node {name} {describe_exit(status)}{why}", wrong)
         self.output = output

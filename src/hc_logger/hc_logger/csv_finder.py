@@ -39,7 +39,7 @@ from hc_logger.csv_vocabulary import (
     split_name,
     unit_of,
 )
-from hc_logger.errors import BagError
+from hc_logger.errors import BagError, WrongOptionError
 
 _MADE_OF = {"displacement": why_no_displacement, "force": why_no_force}
 """What other quantities of a testing machine make one that is missing."""
@@ -292,7 +292,7 @@ class _Finder:
             return int(wanted) - 1
         shown = ", ".join(repr(cell[:30]) for cell in cells[:12]) or f"1 to {table.width}"
         what = "several columns are called" if same else "no column is called"
-        raise BagError(f"{self._path}: {what} {wanted[:40]!r}; it has {shown}")
+        raise WrongOptionError(f"{self._path}: {what} {wanted[:40]!r}; it has {shown}")
 
     def _unit(
         self, quantity: str, name: str, below: str, table: Table, index: int

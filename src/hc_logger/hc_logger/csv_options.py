@@ -11,7 +11,7 @@ from typing import Final
 
 from hc_logger.csv_table import SEPARATORS
 from hc_logger.csv_vocabulary import UNITS, unit_of
-from hc_logger.errors import BagError
+from hc_logger.errors import WrongOptionError
 
 _ASSIGNMENT: Final = re.compile(r"(?:^|,)\s*(time|displacement|force)\s*=", re.ASCII)
 
@@ -42,30 +42,34 @@ class CsvOptions:
         """See that all can be.
 
         Raises:
-            BagError: if not; says what can.
+            WrongOptionError: if not; says what can.
         """
         for quantity, unit in self.units.items():
             if unit_of(unit, quantity) is None:
-                raise BagError(
+                raise WrongOptionError(
                     f"{unit!r} is no unit of {quantity}: give {', '.join(UNITS[quantity])}"
                 )
         if self.separator and self.separator not in SEPARATORS:
-            raise BagError(
+            raise WrongOptionError(
                 f"{self.separator!r} is no separator: give one of {', '.join(SEPARATORS.values())}"
             )
         if self.decimal not in ("", ".", ","):
-            raise BagError(f"{self.decimal!r} is no decimal sign: give . or ,")
+            raise WrongOptionError(f"{self.decimal!r} is no decimal sign: give . or ,")
         if self.encoding:
             try:
                 text_encoding = codecs.lookup(self.encoding)._is_text_encoding
             except LookupError:
                 text_encoding = False
             if not text_encoding:
-                raise BagError(f"{self.encoding[:40]!r} is no encoding: give for example utf-8")
+                raise WrongOptionError(
+                    f"{self.encoding[:40]!r} is no encoding: give for example utf-8"
+                )
         if self.rate_hz and not (math.isfinite(self.rate_hz) and self.rate_hz > 0.0):
-            raise BagError(f"a rate of {self.rate_hz:g} rows in a second cannot be")
+            raise WrongOptionError(f"a rate of {self.rate_hz:g} rows in a second cannot be")
         if self.rate_hz and ("time" in self.columns or "time" in self.units):
-            raise BagError("a rate is for a file that tells no time: say the rate or the time")
+            raise WrongOptionError(
+                "a rate is for a file that tells no time: say the rate or the time"
+            )
 
 
 def parse_assignments(text: str) -> dict[str, str]:

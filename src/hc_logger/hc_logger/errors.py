@@ -13,6 +13,10 @@ class BagExistsError(BagError):
     """The target exists already; nothing is ever overwritten."""
 
 
+class WrongOptionError(BagError):
+    """What was said of how a file is written cannot be, or is not so in this file."""
+
+
 class UnknownTypeError(BagError, UnknownInterfaceError):
     """The message type is not installed here, so its definition is not known."""
 

@@ -52,7 +52,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from hc_logger.errors import BagError, BagExistsError
+    from hc_logger.errors import BagError, BagExistsError, WrongOptionError
 
     try:
         actions = {
@@ -64,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
             "split": _split,
         }
         return actions[arguments.action](arguments)
-    except BagExistsError as error:
+    except (BagExistsError, WrongOptionError) as error:
         raise UserError(str(error), WRONG_USE) from error
     except BagError as error:
         raise UserError(str(error)) from error
