@@ -3,10 +3,12 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from hc_estimator import create_estimator
 from hc_estimator.ros.status import StatusReporter
 from hc_estimator.stream.session import EstimationSession
+from hc_msgs_py.diagnostics import Level
 
 NOWHERE = SimpleNamespace(channels=(), problems=(), counters={}, undecodable=0)
 LATE_MS = 20
@@ -47,3 +49,30 @@ def test_a_filter_that_knows_nothing_of_them_says_nothing(recorder):
     values = status_of("ekf", recorder)
     assert "stiffness_std" in values
     assert not {"channel_delay_std", "force_zero_std", "contact_position_std"} & set(values)
+
+
+@pytest.mark.parametrize("shift_s", [3600.0, -3600.0])
+def test_a_jump_of_the_stamps_is_a_warning_once(recorder, plant, shift_s):
+    """Regression: a sensor whose clock was set was in the log only, and "estimating" here."""
+    session = EstimationSession(create_estimator("ukf"), recorder)
+    session.start()
+    reporter = StatusReporter(session)
+
+    def status(first, count, shift_ns):
+        for number in range(first, first + count):
+            (reading,) = plant.samples(1, start=number)
+            stamp_ns = 10**18 + number * 10**6 + shift_ns
+            session.process(stamp_ns, number, *map(float, reading[1:]))
+        return reporter.collect(NOWHERE, ())
+
+    before = status(0, 300, 0)
+    jumped = status(300, 300, round(shift_s * 1e9))
+    after = status(600, 300, round(shift_s * 1e9))
+    assert (before.level, before.message) == (Level.OK, "estimating")
+    assert jumped.level == Level.WARN
+    assert (
+        jumped.message
+        == f"stamps jumped by {shift_s + 1e-3:+.3f} s: the estimator was started afresh"
+    )
+    assert jumped.values["time_jumps"] == 1
+    assert (after.level, after.message) == (Level.OK, "estimating")

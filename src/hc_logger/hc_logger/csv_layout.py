@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from hc_logger.csv_number import DAY_S
+from hc_msgs_py.units import DAY_S
 
 COLUMNS: Final = ("time_s", "displacement_mm", "force_N")
 NO_COLUMN: Final = -1

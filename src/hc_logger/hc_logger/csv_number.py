@@ -7,11 +7,12 @@ import re
 from collections.abc import Iterable
 from typing import Final
 
+from hc_msgs_py.units import DAY_S
+
 MISSING: Final = ("", "-", "--", "---", "n/a", "#n/a", "na")
 """What is written where there is no reading, in lower case."""
 MINUS: Final = "\N{MINUS SIGN}"
 """What some programs write before a number, in Swedish settings for example."""
-DAY_S: Final = 86_400.0
 _PLAIN_GROUP_SIGNS: Final = (
     " '\N{RIGHT SINGLE QUOTATION MARK}\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}"
 )

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 METRE_IN_MM: Final = 1000.0
 NANOSECONDS: Final = 1_000_000_000
+DAY_S: Final = 86_400.0
 
 
 def sent_mm(value: float) -> float:

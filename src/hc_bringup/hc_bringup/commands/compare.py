@@ -84,8 +84,8 @@ def run(arguments: argparse.Namespace) -> int:
             lambda done, number, what: say(f"{done} of {number}: {what}"),
             lambda estimator, given, recording: prepare(estimator, given, recording, arguments),
         )
-    if not any(table):
-        raise UserError("no recording holds estimates: name filters to compare", WRONG_USE)
+    if arguments.recorded:
+        _say_not_recorded(arguments.inputs, table)
     try:
         with new_file(target) as file:
             page = comparison_page(table, _command_line(arguments))
@@ -97,6 +97,28 @@ def run(arguments: argparse.Namespace) -> int:
         said = "; ".join(f"{path}: {why}" for path, why in wrong.items())
         raise UserError(f"{said}: do what stands above")
     return 0
+
+
+def _say_not_recorded(inputs: list[str], table: list[list[Any]]) -> None:
+    """Say which recordings hold no estimates to compare with.
+
+    Raises:
+        UserError: if nothing is left to compare.
+    """
+    without = [
+        str(path)
+        for path, entries in zip(inputs, table, strict=True)
+        if all(entry.variant.filter for entry in entries)
+    ]
+    if not without:
+        return
+    hold = "holds" if len(without) == 1 else "hold"
+    said = f"{', '.join(without)} {hold} no recorded estimates (a bag of hc run does)"
+    if sum(map(len, table)) < 2:
+        raise UserError(
+            f"{said}, and that leaves nothing to compare: name filters with --filter", WRONG_USE
+        )
+    print(f"hc compare: {said}: --recorded shows nothing of it", file=sys.stderr)
 
 
 def _recordings(arguments: argparse.Namespace) -> list[Any]:

@@ -96,7 +96,7 @@ class StatusReporter:
             "skipped": counts["skipped"],
             "strays": counts["strays"],
             "restarts": session.counters.restarts,
-            "time_jumps": session.counters.time_jumps,
+            "time_jumps": counts["time_jumps"],
             "without_displacement": session.counters.without_displacement,
             "without_force": session.counters.without_force,
             "tissue_changes": session.counters.changes,
@@ -133,6 +133,7 @@ class StatusReporter:
             "lost": session.guard.lost,
             "strays": session.guard.strays,
             "skipped": counters.skipped,
+            "time_jumps": counters.time_jumps,
             "readings": counters.readings,
             "nis_sum": counters.nis_sum,
             "undecodable": source.undecodable,
@@ -199,6 +200,8 @@ class StatusReporter:
                     level = max(level, Level.WARN)
             problems.append(f"{start}: {'; '.join(reasons)}" if reasons else start)
             return level, "; ".join(problems)
+        if since["time_jumps"]:
+            problems.append(f"{session.last_jump}: the estimator was started afresh")
         problems += session.watch.alarms
         problems += [suspicion.sentence for suspicion in suspicions]
         if not session.guard.counted:

@@ -44,6 +44,7 @@ class EstimationSession:
         watch: what is wrong with the input or the fit.
         started: whether a first revision was announced.
         last_estimate: the newest estimate; None before the first.
+        last_jump: what jumped last, of the stamps or the clock, and how far; empty before.
     """
 
     def __init__(
@@ -71,6 +72,7 @@ class EstimationSession:
         self.started = False
         self.loaded: Mapping[str, Any] | None = None
         self.last_estimate: Estimate | None = None
+        self.last_jump = ""
         self._listener = listener
         self._at: tuple[int, int] | None = None  # the sample of a batch that is spoken of now
         self._origin_ns: int | None = None
@@ -303,6 +305,7 @@ class EstimationSession:
 
     def _jump(self, reason: str) -> None:
         self.counters.time_jumps += 1
+        self.last_jump = reason
         self.reset(Cause.TIME_JUMP)
         self.report(EventKind.TIME_JUMP, reason)
 

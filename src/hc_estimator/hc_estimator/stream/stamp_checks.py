@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from hc_estimator.stream.readings import FloatArray, Parts, Readings
+from hc_msgs_py.units import DAY_S
 
 
 def rate_of(time_s: FloatArray) -> float:
@@ -149,7 +150,6 @@ def mistimed(readings: Readings) -> str:
 
 
 LEAST_TIMED = 500
-DAY_S = 86_400.0
 _SLOWEST_HZ, _FASTEST_HZ = 4.5, 1e5
 _USUAL_HZ = (20.0, 2e4)
 """Rates of force sensors and poses; and those beyond which nobody measures a tissue."""
