@@ -241,7 +241,7 @@ def _between_channels(samples: Samples, before: Estimated | None) -> list[Findin
         return []  # too little to compare, which the estimate says as well
     findings = []
     faults = found.clear_faults
-    if faults:
+    if faults or found.residual_rms_without_n > MOST_NOISES * found.noise_n:
         instead = damping_at_every_depth((time_s, displacement_mm, force_n), found)
         if instead.far_better:
             return [Finding(instead.words)]

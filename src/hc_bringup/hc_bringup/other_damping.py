@@ -1,7 +1,9 @@
 """Faults that are none: damping that is the same at every depth, as Kelvin and Voigt have it.
 
 The Hunt-Crossley law has no damping where the depth is next to none. Where a tissue, or more often
-a simulator, has (F = K d + B v), delays and zeros bend the law to it for the most part.
+a simulator, has (F = K d + B v), delays and zeros bend the law to it for the most part. A tool that
+goes out faster than the tissue comes back is let go of while it is below the surface: the force is
+zero there, and not K d + B v.
 """
 
 from __future__ import annotations
@@ -24,6 +26,10 @@ MOST_NOISES: Final = 1.5
 """What the other law may leave, for it to fit."""
 LEAST_GAIN: Final = 4.0
 """Times by which it leaves less, beyond the noise and by mean square."""
+
+
+_ROUNDS: Final = 10
+"""In which it is settled where the tissue has let go of the tool."""
 
 
 class Instead(NamedTuple):
@@ -52,10 +58,7 @@ def damping_at_every_depth(even: tuple[Array, Array, Array], found: ChannelDiagn
     if depth.size < width or np.count_nonzero(inside) < FEWEST_ROWS:
         return Instead("", far_better=False)
     velocity = savgol_filter(depth, width, 2, deriv=1, delta=step)
-    columns = np.stack([depth[inside], velocity[inside]], axis=1)
-    (stiffness, damping), *_ = np.linalg.lstsq(columns, force[inside], rcond=None)
-    rest = force[inside] - columns @ (stiffness, damping)
-    rest_n = float(np.sqrt(np.mean(rest**2)))
+    stiffness, damping, rest_n = _unilateral(depth[inside], velocity[inside], force[inside])
     here, with_faults, without = (
         max(n**2 - found.noise_n**2, 0.0)
         for n in (rest_n, found.residual_rms_n, found.residual_rms_without_n)
@@ -70,3 +73,22 @@ def damping_at_every_depth(even: tuple[Array, Array, Array], found: ChannelDiagn
         "--contact-model kelvin_voigt"
     )
     return Instead(words, far_better=LEAST_GAIN * here < with_faults)
+
+
+def _unilateral(depth: Array, velocity: Array, force: Array) -> tuple[float, float, float]:
+    """Fit F = max(0, K d + B v) to readings below the surface; return K, B and what is left (RMS).
+
+    Where the tissue has let go of the tool is asked again of every fit.
+    """
+    columns = np.stack([depth, velocity], axis=1)
+    holds = force > 0.0
+    law = np.zeros(2)
+    for _ in range(_ROUNDS):
+        if np.count_nonzero(holds) < FEWEST_ROWS:
+            break
+        law, *_ = np.linalg.lstsq(columns[holds], force[holds], rcond=None)
+        before, holds = holds, columns @ law > 0.0
+        if np.array_equal(before, holds):
+            break
+    rest = force - np.maximum(columns @ law, 0.0)
+    return float(law[0]), float(law[1]), float(np.sqrt(np.mean(rest**2)))
