@@ -82,3 +82,33 @@ def test_what_lacks_is_named(tmp_path: Path, topics: list[str], said: str) -> No
     with pytest.raises(BagError) as raised:
         read_recording(arm_bag(tmp_path / "bag", *topics))
     assert said in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("topics", "said"),
+    [
+        (
+            {"/force": "std_msgs/msg/Float64", "/data": "std_msgs/msg/Float64MultiArray"},
+            ("neither a force (geometry_msgs/msg/WrenchStamped) nor a position (PoseStamped, ",),
+        ),
+        (
+            {"/tool/pose": "geometry_msgs/msg/PoseStamped", "/w": "geometry_msgs/msg/Wrench"},
+            ("no force is among them", ": /w is geometry_msgs/msg/Wrench; let a node publish it"),
+        ),
+        (
+            {"/ft": "geometry_msgs/msg/WrenchStamped", "/odom": "nav_msgs/msg/Odometry"},
+            ("no position is among them", ": /odom is nav_msgs/msg/Odometry; let a node"),
+        ),
+    ],
+)
+def test_readings_of_another_type_are_named_and_what_to_do(
+    tmp_path: Path, topics: dict[str, str], said: tuple[str, ...]
+) -> None:
+    """Regression: of plain numbers nothing was said but which topics there are."""
+    with BagWriter(tmp_path / "bag") as writer:
+        for name, kind in topics.items():
+            writer.add_topic(name, kind)
+    with pytest.raises(BagError) as raised:
+        read_recording(tmp_path / "bag")
+    for words in (*said, "or write a CSV file with time, displacement and force"):
+        assert words in str(raised.value)

@@ -34,6 +34,7 @@ def write(path: Path, text: str) -> Path:
             HEADER + "0,1,2\n0.1,one,2\n",
             "line 3: displacement_mm is 'one' instead of a number: where a reading is missing",
         ),
+        (HEADER + "1.5D-3,1,2\n2.5D-3,1,2\n", "line 2: time_s is '1.5D-3' instead of a number"),
         (HEADER + "0,1,2\n0.1,1\n", "line 3: 2 columns, force_N is number 3"),
     ],
 )

@@ -15,6 +15,16 @@ from hc_logger.type_names import FORCE_TYPE, FRAMES_TYPE, JOINT_TYPE, POSITION_T
 
 _KINDS: Final = "PoseStamped, TransformStamped, a JointState of one joint, or /tf"
 
+OF_OTHER_TYPES: Final = (
+    *("geometry_msgs/msg/Wrench", "geometry_msgs/msg/Vector3", "geometry_msgs/msg/Vector3Stamped"),
+    *("geometry_msgs/msg/Pose", "geometry_msgs/msg/Point", "geometry_msgs/msg/PointStamped"),
+    *("geometry_msgs/msg/Transform", "geometry_msgs/msg/PoseWithCovarianceStamped"),
+    "nav_msgs/msg/Odometry",
+)
+"""In which drivers tell forces and positions as well, with or without a stamp."""
+_NUMBERS: Final = ("std_msgs/msg/Float", "std_msgs/msg/Int", "std_msgs/msg/UInt")
+_MOST_NAMED: Final = 3
+
 
 def force_topics(bag: Bag) -> list[str]:
     """Return the topics of wrenches."""
@@ -51,15 +61,32 @@ def has_sensors(bag: Bag) -> bool:
 def how_to_read(bag: Bag) -> str:
     """Return what a bag lacks to be read by its sensors, or the options that choose among them."""
     forces, places = force_topics(bag), _places(bag)
-    if not (forces or places):
+    if not bag.topics:
         return ""
+    if not (forces or places):
+        return f"; neither a force ({FORCE_TYPE}) nor a position ({_KINDS}) is among them{_nearly(bag)}"
     if not forces:
-        return "; no force is among them (geometry_msgs/msg/WrenchStamped)"
+        return f"; no force is among them ({FORCE_TYPE}){_nearly(bag)}"
     if not places:
-        return f"; no position is among them ({_KINDS})"
+        return f"; no position is among them ({_KINDS}){_nearly(bag)}"
     named = [("force", forces), ("position", places)]
     words = [f"--input {what}.topic={names[0]}" for what, names in named if len(names) > 1]
     return f": several sensors, name them: {' '.join(words)}, say"
+
+
+def _nearly(bag: Bag) -> str:
+    """Return what to do with topics that hold readings in another way, and cannot be read so."""
+    others = [
+        f"{topic.name} is {topic.definition.name}"
+        for topic in bag.topics.values()
+        if topic.definition.name in OF_OTHER_TYPES or topic.definition.name.startswith(_NUMBERS)
+    ]
+    if not others:
+        return ""
+    return (
+        f": {', '.join(others[:_MOST_NAMED])}; let a node publish it as one of these, with the "
+        "stamp of the reading, or write a CSV file with time, displacement and force"
+    )
 
 
 def _places(bag: Bag) -> list[str]:

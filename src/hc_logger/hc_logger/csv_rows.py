@@ -309,6 +309,10 @@ class RowReader:
             why = f": if a sign stands between its thousands, say --decimal {layout.decimal}"
         return BagError(f"{self._path}, line {where}: {name} is {shown!r} instead of a number{why}")
 
+    def _no_row(self, found: _Interruption) -> BagError:
+        named = zip(self._layout.names, self._layout.indices, strict=True)
+        return self._no_number(found.line, next(n for n, i in named if i >= 0), found.cell)
+
     def _interrupt(self, where: int, cells: list[str]) -> None:
         """Note a line that is no row."""
         shown = next((cell.strip() for cell in cells if cell.strip()), "")
@@ -343,8 +347,7 @@ class RowReader:
         if found.rows <= LARGEST_SUMMARY:
             return False
         if not found.header:
-            name = next(n for n, i in zip(layout.names, layout.indices, strict=True) if i >= 0)
-            raise self._no_number(found.line, name, found.cell)
+            raise self._no_row(found)
         if not layout.is_chosen:
             raise BagError(
                 f"{self._path}: another table begins in line {found.resumes}; say which one is to "
@@ -370,15 +373,14 @@ class RowReader:
                 f"{word}): the forces of these are left out"
             )
         found = self._interruption
+        if found is not None and not self._count:
+            raise self._no_row(found)
         if found is not None and self._has_ended:
             self.notes.append(f"the table ends at line {found.line}: what follows is left out")
         elif found is not None:
-            lines = (
-                f"lines {found.line} to {found.last_line} are"
-                if found.last_line > found.line
-                else f"line {found.line} is"
-            )
-            self.notes.append(f"{lines} below the readings ({found.cell[:_SHOWN]!r}): left out")
+            several = found.last_line > found.line
+            until = f"s {found.line} to {found.last_line} are" if several else f" {found.line} is"
+            self.notes.append(f"line{until} below the readings ({found.cell[:_SHOWN]!r}): left out")
 
     def _check_thousands(self, lines: list[str]) -> None:
         """See that whole numbers are not followed by ones with a sign between their thousands.
