@@ -221,3 +221,31 @@ def test_nodes_beside_a_simulated_clock_go_by_it(words) -> None:
 def test_options_that_fit_no_node_are_refused(config, words, expected) -> None:
     with pytest.raises(UserError, match=expected):
         run_command.given_parameters(load_plan(find_config(config)), options(*words.split()))
+
+
+@pytest.mark.parametrize(
+    ("words", "name"),
+    [
+        (("convert", "SOURCE", "TARGET"), "x.csv.gz"),
+        (("convert", "SOURCE", "TARGET"), "x.xlsx"),
+        (("convert", "SOURCE", "TARGET"), "x.db3"),
+        (("filter", "SOURCE", "TARGET"), "x.csv"),
+        (("split", "SOURCE", "TARGET", "--every", "1"), "x.txt"),
+        (("recover", "SOURCE", "TARGET"), "x.CSV"),
+        (("merge", "SOURCE", "SOURCE", "-o", "TARGET"), "x.csv"),
+    ],
+)
+def test_a_name_of_something_else_is_refused(tmp_path, capsys, words, name):
+    """Regression: "60 messages written to x.csv.gz", which was a folder with an MCAP file."""
+    put = {"SOURCE": str(make_bag(tmp_path / "bag")), "TARGET": str(tmp_path / name)}
+    with pytest.raises(SystemExit) as end:
+        main(["bag", *(put.get(word, word) for word in words)])
+    assert end.value.code == 2
+    assert f"{name}' is no name for what is written: give " in capsys.readouterr().err
+    assert not (tmp_path / name).exists()
+
+
+def test_what_a_bag_lacks_to_become_a_table_is_said(tmp_path, capsys):
+    bag = make_bag(tmp_path / "bag")
+    assert main(["bag", "convert", str(bag), str(tmp_path / "x.csv")]) == 1
+    assert "neither a force (geometry_msgs/msg/WrenchStamped) nor" in capsys.readouterr().err

@@ -48,6 +48,8 @@ def test_stamps_of_another_machine_s_clock_are_taken_as_they_are():
         ((7200_000, 7200_400), False, ""),  # a bag
         # Regression: of a simulation they were "1795770749 s old", of clocks that differ.
         ((1_795_770_749_000, 1_795_770_749_400), True, "use_sim_time: true"),
+        # Regression: with use_sim_time and no /clock, "1795955745 s in the future: (use PTP ...)".
+        ((-1_795_770_749_000, -1_795_770_749_400), True, "use_sim_time: false"),
         ((1300, 40, 2), True, ""),  # a node that stood still
         ((), True, ""),
     ],

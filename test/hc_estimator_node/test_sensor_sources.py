@@ -281,3 +281,36 @@ def test_the_node_puts_readings_that_are_stamped_on_arrival_at_even_times(ros_do
         samples = np.array(receiver.samples[number:])
         of_force = samples[~np.isnan(samples[:, 2])][-80:]
         assert np.ptp(of_force[:, 0] - begin_ns - of_force[:, 2] * period_ns) > 10_000_000
+
+
+@pytest.mark.process
+def test_a_position_that_changes_its_frame_is_a_problem(ros_domain):
+    """Regression: poses of one topic in two frames were read as one motion, and nothing said."""
+    values = {name: setting.default for name, setting in NODE_SETTINGS.items()} | {
+        "input.source": "sensors",
+        "input.position.type": "pose",
+        "input.position.topic": "pose",
+        "input.publish_samples": False,
+    }
+    with (
+        running_node(ros_domain) as (node, executor),
+        closing(SensorInput(node, Receiver(), values)) as source,
+    ):
+        poses = node.create_publisher(PoseStamped, "pose", 10)
+        wait_for_subscribers(executor, poses)
+
+        def problems_after(*frames):
+            before, end_s = source.channels[1].received, time.monotonic() + 20.0
+            for frame in frames:
+                message = PoseStamped()
+                message.header.frame_id = frame
+                set_stamp(message.header.stamp, time.time_ns())
+                poses.publish(message)
+            while source.channels[1].received < before + len(frames):
+                assert time.monotonic() < end_s
+                executor.spin_once(timeout_sec=0.01)
+            return source.problems
+
+        assert list(problems_after("base", "base")) == []
+        (said,) = problems_after("base", "camera")
+        assert "pose came in the frame 'base', and then in 'camera'" in said

@@ -202,3 +202,20 @@ def test_files_are_split_by_size(make_bag: MakeBag) -> None:
     with AnyReader([source]) as theirs:
         assert theirs.message_count == 5500
         assert sum(1 for _ in theirs.messages()) == 5500
+
+
+def test_of_a_bag_whose_every_chunk_is_damaged_there_is_no_new_one(
+    make_bag: MakeBag, tmp_path: Path
+) -> None:
+    """Regression: "recovered 0 messages of 2 topics", a bag without one, and status 0."""
+    source = make_bag(count=200)
+    with BagReader(source) as reader:
+        chunks = list(reader.files[0].scan.chunks)
+    data = bytearray((source / "bag_0.mcap").read_bytes())
+    for chunk in chunks:
+        middle = slice(chunk.offset + 60, chunk.offset + chunk.length - 1)
+        data[middle] = b"\xff" * (middle.stop - middle.start)
+    (source / "bag_0.mcap").write_bytes(data)
+    with pytest.raises(BagError, match=r"nothing can be recovered.*is damaged"):
+        recover_bag(source, tmp_path / "new")
+    assert not (tmp_path / "new").exists()

@@ -32,6 +32,7 @@ SOURCES = (
     "hc_estimator/hc_estimator/ros/zero_setting.py",
     "hc_estimator/hc_estimator/stream/stamp_watch.py",
     "hc_estimator/hc_estimator/ros/moving_surface.py",
+    "hc_estimator/hc_estimator/ros/sensors.py",
     "hc_estimator/hc_estimator/ros/status.py",
     "hc_estimator/hc_estimator/ros/namesakes.py",
     "hc_estimator/hc_estimator/stream/array_status.py",

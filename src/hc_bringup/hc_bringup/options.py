@@ -13,6 +13,11 @@ from hc_msgs_py.plain_yaml import PlainYamlError, load_plain_yaml
 
 LARGEST_WHOLE: Final = 2**63 - 1
 """Of a parameter of ROS."""
+OTHER_ENDINGS: Final = (
+    *(".txt", ".tsv", ".dat", ".gz", ".bz2", ".xz", ".zst", ".zip"),
+    *(".parquet", ".mat", ".xlsx", ".xls", ".json", ".db3", ".bag", ".html"),
+)
+"""Of files that are neither CSV nor a bag as it is written here (a folder with .mcap)."""
 _ORIGIN = re.compile(r"[a-z][a-z0-9+.-]*://(\[[0-9a-f:]+\]|[a-z0-9._-]+)(:[0-9]{1,5})?")
 
 
@@ -64,6 +69,23 @@ def new_file_name(text: str) -> str:
     if text == "-":
         raise argparse.ArgumentTypeError("'-' is no file: name one, out.csv say")
     return text
+
+
+def bag_folder_name(text: str) -> str:
+    """Take the name of a bag's folder to write; one that says it is something else is refused."""
+    _refuse_endings(text, (".csv", *OTHER_ENDINGS), "that of a bag's folder")
+    return text
+
+
+def bag_or_csv_name(text: str) -> str:
+    """Take the name of a CSV file or of a bag's folder to write."""
+    _refuse_endings(text, OTHER_ENDINGS, "one that ends in .csv, or that of a bag's folder")
+    return text
+
+
+def _refuse_endings(text: str, endings: tuple[str, ...], instead: str) -> None:
+    if text.lower().endswith(endings):
+        raise argparse.ArgumentTypeError(f"{text!r} is no name for what is written: give {instead}")
 
 
 def namespace(text: str) -> str:

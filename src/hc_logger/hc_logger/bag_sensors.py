@@ -64,7 +64,8 @@ def how_to_read(bag: Bag) -> str:
     if not bag.topics:
         return ""
     if not (forces or places):
-        return f"; neither a force ({FORCE_TYPE}) nor a position ({_KINDS}) is among them{_nearly(bag)}"
+        both = f"neither a force ({FORCE_TYPE}) nor a position ({_KINDS})"
+        return f"; {both} is among them{_nearly(bag)}"
     if not forces:
         return f"; no force is among them ({FORCE_TYPE}){_nearly(bag)}"
     if not places:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_logger.bag import Bag, Columns
-from hc_logger.bag_sensors import has_sensors
+from hc_logger.bag_sensors import has_sensors, how_to_read
 from hc_logger.csv_file import CsvReader, write_csv
 from hc_logger.definitions import installed_definition
 from hc_logger.errors import BagError
@@ -187,7 +187,9 @@ def bag_to_csv(
             return write_csv(target, [np.column_stack(columns)]), recording.findings.lines()
         if name is None or name not in reader.topics:
             what = f"no topic {name}" if name else f"no topic of type {SAMPLE_TYPE}"
-            raise BagError(f"{source} has {what}; it has {', '.join(reader.topics) or 'nothing'}")
+            has = ", ".join(reader.topics) or "nothing"
+            lacks = "" if topic else how_to_read(reader)
+            raise BagError(f"{source} has {what}; it has {has}{lacks}")
         count = write_csv(target, _rows(reader, name, progress))
         return count, reader.problems
 

@@ -90,6 +90,9 @@ def recover_bag(
             data = {**reader.custom_data, RECOVERED_FROM: source.resolve().name}
             with BagWriter(target, custom_data=data) as writer:
                 report.recovered = copy_messages(reader, writer, progress=progress)
+                if reader.problems and not any(report.recovered.values()):
+                    because = "; ".join(reader.problems)
+                    raise BagError(f"nothing can be recovered from {source}: {because}")
         _account(reader, report)
         if problem:
             report.problems.insert(0, problem)

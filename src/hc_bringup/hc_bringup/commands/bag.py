@@ -12,7 +12,7 @@ from typing import Any
 
 from hc_bringup import recording_input
 from hc_bringup.errors import WRONG_USE, UserError
-from hc_bringup.options import positive, seconds
+from hc_bringup.options import bag_folder_name, bag_or_csv_name, positive, seconds
 
 HELP = "look into a bag, repair one that was cut off, convert, filter, merge and split bags"
 
@@ -24,15 +24,24 @@ def configure(parser: argparse.ArgumentParser) -> None:
     info.add_argument("bag", metavar="BAG")
     recover = commands.add_parser("recover", help="copy what is readable of a damaged bag")
     recover.add_argument("source", metavar="SOURCE", help="bag folder or .mcap file")
-    recover.add_argument("target", metavar="TARGET", help="folder of the new bag")
+    recover.add_argument(
+        "target", type=bag_folder_name, metavar="TARGET", help="folder of the new bag"
+    )
     convert = commands.add_parser("convert", help="CSV to bag, bag to CSV, sqlite3 bag to MCAP")
     convert.add_argument("source", metavar="SOURCE", help="CSV file or bag")
-    convert.add_argument("target", metavar="TARGET", help="bag folder, or a file that ends in .csv")
+    convert.add_argument(
+        "target",
+        type=bag_or_csv_name,
+        metavar="TARGET",
+        help="bag folder, or a file that ends in .csv",
+    )
     convert.add_argument("--topic", default="", metavar="T", help="sample topic, if several")
     recording_input.add_csv_options(convert)
     part = commands.add_parser("filter", help="copy some topics or seconds of a bag")
     part.add_argument("source", metavar="SOURCE", help="bag")
-    part.add_argument("target", metavar="TARGET", help="folder of the new bag")
+    part.add_argument(
+        "target", type=bag_folder_name, metavar="TARGET", help="folder of the new bag"
+    )
     part.add_argument(
         "--topics", nargs="+", default=["*"], metavar="TOPIC", help="names, or patterns with *"
     )
@@ -43,10 +52,22 @@ def configure(parser: argparse.ArgumentParser) -> None:
     part.add_argument("--duration", type=positive, default=math.inf, metavar="S", help=take)
     merge = commands.add_parser("merge", help="several bags into one, in the order of time")
     merge.add_argument("sources", nargs="+", metavar="SOURCE", help="bags")
-    merge.add_argument("-o", "--output", required=True, metavar="TARGET", help="the new bag")
+    merge.add_argument(
+        "-o",
+        "--output",
+        type=bag_folder_name,
+        required=True,
+        metavar="TARGET",
+        help="the new bag",
+    )
     split = commands.add_parser("split", help="cut a bag into parts of some seconds")
     split.add_argument("source", metavar="SOURCE", help="bag")
-    split.add_argument("target", metavar="TARGET", help="the parts are TARGET_0, TARGET_1 ...")
+    split.add_argument(
+        "target",
+        type=bag_folder_name,
+        metavar="TARGET",
+        help="the parts are TARGET_0, TARGET_1 ...",
+    )
     split.add_argument("--every", type=positive, required=True, metavar="S", help="S s each")
 
 

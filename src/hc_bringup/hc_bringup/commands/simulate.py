@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from hc_bringup.errors import WRONG_USE, UserError
-from hc_bringup.options import natural, new_file_name, positive
+from hc_bringup.options import OTHER_ENDINGS, natural, new_file_name, positive
 from hc_bringup.wrapping import wrapped
 
 HELP = "run a scenario of the rig as fast as possible into a CSV file or a bag"
@@ -17,8 +17,6 @@ BAG_EPOCH_NS = 1_000_000_000 * 1_000_000_000
 """Stamp of the first sample in a bag: fixed, so that the same seed gives the same bytes."""
 BLOCK = 1024
 """Samples written at a time."""
-TABLE_SUFFIXES = (".txt", ".tsv", ".dat", ".gz", ".bz2", ".xz", ".parquet", ".mat", ".xlsx")
-"""Of files that are not written: a bag would be a folder of that name."""
 TRUTH_TYPE = "hc_msgs/msg/IndenterTruth"
 
 
@@ -55,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     target = Path(arguments.output)
     if target.exists():
         raise UserError(f"{target} exists already: choose another name", WRONG_USE)
-    if target.suffix.lower() in TABLE_SUFFIXES:
+    if target.name.lower().endswith(OTHER_ENDINGS):
         raise UserError(
             f"{target}: give a name that ends in .csv, or that of the folder of a bag", WRONG_USE
         )

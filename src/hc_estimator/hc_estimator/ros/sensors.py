@@ -9,6 +9,7 @@ the other sensor does not have at that stamp.
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from typing import Any
@@ -36,6 +37,8 @@ from hc_estimator.stream.repeats import SHARE, Repeats
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, sent_mm
 
 _CHANNELS = ("force", "position")
+FRAME_CHANGE_SAID_S = 2.0
+"""So long the position's last change of frame is a problem: of one status, or of all."""
 _POSITION_TYPES = {"joint": JointState, "pose": PoseStamped, "transform": TransformStamped}
 
 
@@ -61,6 +64,7 @@ class SensorInput:
         self._receiver = receiver
         self._missing_joint = self._unusable_attitudes = self._skipped_positions = 0
         self._frame_id = self._base_frame_id = ""
+        self._frame_change = (-math.inf, "", "")  # when [s], from which frame, to which
         self._reading: tuple[Any, ...] = ()
         self._frames: ToolFrames | None = None
         self._contact: ContactReading | None = None
@@ -167,6 +171,7 @@ class SensorInput:
             self._repeated_forces.forget()
             self._repeated_positions.forget()
             self._frame = FrameCompliance(self._frame.mm_per_n)
+            self._base_frame_id = ""  # another one may be meant now
         self._reading = reading
 
     @property
@@ -194,7 +199,14 @@ class SensorInput:
     @property
     def problems(self) -> Sequence[str]:
         """What is wrong with the input although samples come."""
-        return () if self._moving is None else self._moving.problems
+        found = [] if self._moving is None else [*self._moving.problems]
+        changed_s, before, after = self._frame_change
+        if time.monotonic() - changed_s < FRAME_CHANGE_SAID_S:
+            found.append(
+                f"{self._positions.topic} came in the frame {before!r}, and then in {after!r}: a "
+                "place in one is no depth in the other; let its publisher keep to one frame"
+            )
+        return found
 
     def close(self) -> None:
         """Stop listening."""
@@ -251,7 +263,10 @@ class SensorInput:
 
     def _add_point(self, stamp_ns: int, frame_id: str, place: Vector, attitude: Quaternion) -> None:
         """Add where the tool is in a frame [m], and its attitude, which may be of any length."""
-        self._base_frame_id = frame_id
+        if frame_id != self._base_frame_id:
+            if self._base_frame_id:
+                self._frame_change = (time.monotonic(), self._base_frame_id, frame_id)
+            self._base_frame_id = frame_id
         if self._contact is None:
             self.position = (place, frame_id)
             x, y, z = (METRE_IN_MM * part for part in place)

@@ -73,6 +73,12 @@ class StampWatch:
                 "are counted at a rate that is not the sensor's (then B is wrong by about that "
                 "factor), or what is played or simulated at another rate"
             )
+        elif most_ns < -SINCE_START_NS:
+            said = (
+                "samples are stamped by a computer's clock, and the time here is that of a "
+                "simulation that has not begun or counts from its start: use_sim_time: false for "
+                "the estimator, or let /clock be published"
+            )
         elif most_ns < -AHEAD_NS:
             said = f"samples are stamped {_seconds(-most_ns)} in the future: {_DIFFER}"
         elif least_ns > SINCE_START_NS and live:
