@@ -88,6 +88,7 @@ def test_help_needs_neither_ros_nor_numba() -> None:
         (["simulate", "multisine", "-o", "x.csv", "--seed", "9223372036854775808"], "larger than"),
         (["simulate", "multisine", "-o", "x.csv", "--seed", "1e30"], "larger than"),
         (["param", "get", "estimator"], "required"),
+        (["record", "--nonsense"], "hc record: unrecognized arguments: --nonsense (see hc record "),
     ],
 )
 def test_wrong_use_is_told_in_one_line(

@@ -167,3 +167,15 @@ def test_a_parameter_file_that_would_be_passed_over_is_refused(
     with pytest.raises(UserError, match=words) as caught:
         load_plan(path)
     assert "\n" not in str(caught.value)
+
+
+def test_a_file_of_parameters_is_no_run_and_the_run_is_named(tmp_path: Path) -> None:
+    """Regression: `hc run my_robot.yaml` said "unknown key '/**'; allowed: duration_s, nodes"."""
+    file = tmp_path / "my_robot.yaml"
+    file.write_text("/**:\n  ros__parameters:\n    filter: ukf\n")
+    with pytest.raises(UserError, match=r"holds parameters of nodes; .*config/robot_run.yaml"):
+        load_plan(file)
+    (tmp_path / "my_robot_run.yaml").write_text("nodes: []")
+    with pytest.raises(UserError, match=r"hc run \S*my_robot_run.yaml") as raised:
+        load_plan(file)
+    assert raised.value.status == 2

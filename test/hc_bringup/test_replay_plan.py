@@ -181,3 +181,15 @@ def test_a_replay_of_arrays_records_arrays_and_loses_nothing(command_line: Any) 
     assert verified.returncode == 0, verified.stderr
     checked = json.loads(verified.stdout)
     assert (checked["compared"], checked["different"]) == (COUNT, 0)
+
+
+def test_an_estimator_is_not_left_waiting_for_samples_that_no_bag_has(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: "node player does not get ready within 15 s: /ft has 0 of 1 subscribers"."""
+    with BagWriter(tmp_path / "bag") as writer:
+        topic = writer.add_topic("/note", "std_msgs/msg/String")
+        writer.write(topic, START, serialize_message(String(data="x")))
+    assert main(["replay", str(tmp_path / "bag"), "--filter", "ukf", "--headless"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "has no samples (hc_msgs/IndenterSample) for an estimator: hc estimate " in line

@@ -261,7 +261,10 @@ def _run(words: list[str], tell_waiting: bool) -> int:
     if "_ARGCOMPLETE" in os.environ:
         _complete()
     parser = _parser(words[0] if words else None)
-    parsed = parser.parse_args(words)
+    parsed, unknown = parser.parse_known_args(words)
+    if unknown:
+        parser.prog = f"hc {parsed.command}"
+        parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     try:
         os.getcwd()
     except FileNotFoundError:

@@ -21,6 +21,7 @@ from hc_msgs_py.topics import NODE_DASHBOARD, NODE_ESTIMATOR, NODE_RECORDER
 
 _RUN_KEYS = ("duration_s", "nodes")
 _NODE_KEYS = ("name", "namespace", "module", "parameter_files", "parameters", "source", "respawn")
+PARAMETERS = "ros__parameters"
 _OF_ALL = (NODE_RECORDER, NODE_DASHBOARD)
 _ESTIMATOR_MODULE = "hc_estimator.node"
 
@@ -86,6 +87,14 @@ def load_plan(path: Path) -> RunPlan:
     if "nodes" not in data and data.keys() & set(KEYS):
         raise UserError(
             f"{path} is of files, not of a robot: hc estimate FILE --preset {path.stem}", WRONG_USE
+        )
+    if any(isinstance(node, dict) and PARAMETERS in node for node in data.values()):
+        run = path.with_name(f"{path.stem}_run{path.suffix}")
+        do = f"hc run {run}" if run.is_file() else "config/robot_run.yaml shows such a run"
+        raise UserError(
+            f"{path} holds parameters of nodes; a run names it among the parameter_files of its "
+            f"nodes: {do}",
+            WRONG_USE,
         )
     _check_keys(data, _RUN_KEYS, str(path))
     duration = data.get("duration_s", 0.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import termios
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -114,6 +114,8 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
     with_estimator = arguments.estimator or bool(settings)
     file = config_folder() / "estimator.yaml"
     kinds, samples, usual = _look_into(source, alone=with_estimator)
+    if with_estimator and kinds.isdisjoint((SAMPLE_TYPE, SAMPLES_TYPE)):
+        _refuse_without_samples(arguments.input, settings)
     arrays = SAMPLES_TYPE in kinds and SAMPLE_TYPE not in kinds  # the player plays either
     if with_estimator and arrays:
         estimator = NodePlan("estimator", "", parameter_files=(file,), parameters=settings)
@@ -174,6 +176,21 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
             )
         )
     return RunPlan(tuple(nodes)), bag
+
+
+def _refuse_without_samples(bag: str, settings: Mapping[str, Any]) -> None:
+    """See that an estimator is told what to listen to where a bag has no samples for it.
+
+    Raises:
+        UserError: if it is not.
+    """
+    if settings.get("input.source", "sample") not in ("sensors", "effort"):
+        raise UserError(
+            f"{bag} has no samples (hc_msgs/IndenterSample) for an estimator: hc estimate {bag} "
+            "takes its sensors; to see them live, run the estimator that hc setup wrote a file "
+            f"for (hc run my_robot_run.yaml), and hc replay {bag} beside it",
+            WRONG_USE,
+        )
 
 
 def _derived(samples: str, usual: str) -> list[str]:
