@@ -82,7 +82,7 @@ def _unilateral(depth: Array, velocity: Array, force: Array) -> tuple[float, flo
     """
     columns = np.stack([depth, velocity], axis=1)
     holds = force > 0.0
-    law = np.zeros(2)
+    law: Array = np.zeros(2)
     for _ in range(_ROUNDS):
         if np.count_nonzero(holds) < FEWEST_ROWS:
             break
