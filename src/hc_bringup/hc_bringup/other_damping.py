@@ -86,7 +86,7 @@ def _unilateral(depth: Array, velocity: Array, force: Array) -> tuple[float, flo
     for _ in range(_ROUNDS):
         if np.count_nonzero(holds) < FEWEST_ROWS:
             break
-        law, *_ = np.linalg.lstsq(columns[holds], force[holds], rcond=None)
+        law = np.asarray(np.linalg.lstsq(columns[holds], force[holds], rcond=None)[0], np.float64)
         before, holds = holds, columns @ law > 0.0
         if np.array_equal(before, holds):
             break
