@@ -14,7 +14,13 @@ from hc_bringup.errors import UserError
 
 
 class Output(io.TextIOWrapper):
-    """A text stream whose writing fails with a line for the user."""
+    """A text stream whose writing fails with a line for the user.
+
+    Attributes:
+        beneath: the stream whose place this one takes; when that is destroyed it closes the file.
+    """
+
+    beneath: io.TextIOWrapper
 
     def write(self, text: str, /) -> int:
         """Write text.
@@ -35,13 +41,15 @@ class Output(io.TextIOWrapper):
 def guarded(stream: io.TextIOWrapper) -> Output:
     """Return a stream that writes to the same place in the same way."""
     stream.flush()
-    return Output(
+    output = Output(
         stream.buffer,
         encoding=stream.encoding,
         errors=stream.errors,
         line_buffering=stream.line_buffering,
         write_through=stream.write_through,
     )
+    output.beneath = stream
+    return output
 
 
 def unwritable(error: OSError) -> UserError:
