@@ -31,7 +31,7 @@ MOTION = (DEPTH, VELOCITY, ACCELERATION)
 # Limits of the estimate, inside which the contact law means something.
 LARGEST_LOG_STIFFNESS = 16.0
 # B beyond these multiples of K is no tissue; far below, the force says nothing of ln B any more.
-SMALLEST_LOG_RATIO = -12.0
+SMALLEST_LOG_RATIO = -14.0
 LARGEST_LOG_RATIO = 3.0
 SMALLEST_EXPONENT, LARGEST_EXPONENT = 0.6, 4.0
 SMALLEST_VELOCITY_EXPONENT, LARGEST_VELOCITY_EXPONENT = 0.4, 2.0
