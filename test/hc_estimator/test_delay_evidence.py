@@ -195,7 +195,8 @@ def test_the_derivative_turns_with_the_ridge(parts):
 def test_the_derivatives_stay_small_where_little_is_known(recording, records_of, air_noise):
     """Regression: they blew up in retreats and at limits; the deviations with them.
 
-    Of a force of exactly nothing, again and again, less is believed, and less known.
+    Of a force of exactly nothing, again and again, less is believed, and less known; of a row that
+    is not in charge, at the end of what an exponent may be, least. Blown up they were 1e12.
     """
     time, d, force = late(recording, duration=8.0, seed=1)
     air = air_noise * np.random.default_rng(0).standard_normal(d.size)
@@ -205,7 +206,7 @@ def test_the_derivatives_stay_small_where_little_is_known(recording, records_of,
         bank = records_of(estimator)[1]
         for row in bank.rows:
             if row.active:
-                assert np.abs(row.by_delay[LOG_STIFFNESS:ACCELERATION]).max() < 300.0
+                assert np.abs(row.by_delay[LOG_STIFFNESS:ACCELERATION]).max() < 1000.0
                 assert abs(row.by_delay[ACCELERATION]) < 1e4  # the motion's own jerk is as much
         given = bank.rows[bank.judge.chosen].by_delay[LOG_STIFFNESS:ACCELERATION]
         assert np.abs(given).max() < (100.0 if air_noise > 0.0 else 300.0)
