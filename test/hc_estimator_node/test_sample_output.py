@@ -102,10 +102,27 @@ def test_a_recorder_that_comes_late_gets_the_first_sample(robot, kind):
 
 
 @pytest.mark.process
+@pytest.mark.parametrize("kind", [SensorInput, EffortInput])
+def test_the_node_is_ready_when_its_samples_are_listened_to(robot, kind):
+    source = kind(robot.node, Receiver(), SETTINGS | {"expected_sample_subscribers": 1})
+    assert source.missing_listeners() == ["indenter/sample has 0 of 1 subscribers"]
+    robot.record()
+    assert robot.press(lambda: not source.missing_listeners())
+    source.close()
+
+
+@pytest.mark.process
 def test_nobody_is_waited_for_who_is_not_expected_or_does_not_come(robot, monkeypatch):
     receiver = Receiver()
     source = SensorInput(robot.node, receiver, SETTINGS)
     assert robot.press(lambda: len(receiver.sequence) > 3)
+    source.close()
+    robot.node.create_subscription(HuntCrossleyEstimate, ESTIMATE, print, ESTIMATE_QOS)
+    receiver = Receiver()
+    watched = {"expected_estimate_subscribers": 1, "expected_sample_subscribers": 0}
+    source = SensorInput(robot.node, receiver, SETTINGS | watched)
+    assert robot.press(lambda: len(receiver.sequence) > 3)  # one who watches records nothing
+    assert source.missing_listeners() == []
     source.close()
     monkeypatch.setattr(sample_output, "LONGEST_WAIT_S", 0.2)
     receiver = Receiver()

@@ -301,3 +301,38 @@ def test_messages_of_another_definition_are_not_played(
         writer.write(topic, 1, b"\0\1\0\0" + bytes(60))
     line = refusal(PlayerNode, bag=tmp_path / "bag")
     assert "was recorded with another definition than the one installed here" in line
+
+
+@pytest.mark.parametrize(
+    ("topics", "said"),
+    [
+        ("['header']", "/header has 0 of 1 subscribers"),
+        ("['indenter/sample', '/header']", "/indenter/sample has 0 of 1 subscribers"),
+    ],
+)
+def test_whose_subscribers_are_counted_can_be_named(
+    start_node: Start, graph: Any, make_bag: MakeBag, topics: str, said: str
+) -> None:
+    from std_msgs.msg import Header
+    from std_srvs.srv import Trigger
+
+    node = start_node(
+        PLAYER,
+        bag=make_bag(count=300),
+        start_paused=True,
+        expected_topics=topics,
+        expected_sample_subscribers=1,
+    )
+    answer = graph.call(Trigger, "/player/ready")
+    assert (answer.success, answer.message.partition(";")[0]) == (False, said)
+    listen(graph)
+    graph.create_subscription(Header, "/header", print, 10)
+    assert graph.spin_until(lambda: graph.call(Trigger, "/player/ready").success)
+    assert node.end() == 0, node.error
+
+
+def test_a_topic_to_wait_for_that_is_not_played_is_refused(
+    refusal: Callable[..., str], make_bag: MakeBag
+) -> None:
+    said = refusal(PlayerNode, bag=make_bag(count=10), expected_topics="['/no']")
+    assert "has nothing to play on /no: /header, /indenter/sample" in said

@@ -135,6 +135,8 @@ def _why_no_estimate(state: RunState) -> str:
     said = state.problems.get(state.estimator) or state.silent_reason
     if state.samples:
         return f"no estimate came of {state.samples} samples" + (f": {said}" if said else "")
+    if state.messages:
+        return f"no estimate came of {state.messages} messages" + (f": {said}" if said else "")
     return (
         f"no estimate came in {state.elapsed_s:.0f} s: "
         f"{said or 'does anybody publish samples? (hc topic list)'}"

@@ -35,6 +35,7 @@ class RunState:
         mute_s: time since the estimator said anything of itself, as it was when the run was ended;
             NaN before it has.
         samples: how many samples the source says that it has published; None if it did not say.
+        messages: how many messages the source says that it has published; None if it did not say.
         problems: what nodes call an error in their diagnostics now, by name.
         failures: what makes the run a failure although it went on to its end.
         diagnostics: what each node said last of itself, by name.
@@ -57,6 +58,7 @@ class RunState:
     silent_s: float = math.nan
     mute_s: float = math.nan
     samples: int | None = None
+    messages: int | None = None
     respawns: int = 0
     problems: dict[str, str] = field(default_factory=dict)
     failures: list[str] = field(default_factory=list)

@@ -306,9 +306,10 @@ class Runner:
             beside = [source for source in sources if source.namespace == space]
             for source in beside or sources:
                 values = monitor.diagnostics.get(source.name, {})
-                samples = number_said(values, "samples", -1.0)
-                if samples >= 0.0:
-                    one.samples = int(samples)
+                for counted in ("samples", "messages"):
+                    number = number_said(values, counted, -1.0)
+                    if number >= 0.0:
+                        setattr(one, counted, int(number))
 
     def _stop_one(self, process: NodeProcess, state: RunState) -> None:
         state.phase = f"stopping {process.name}"

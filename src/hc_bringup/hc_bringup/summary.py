@@ -47,11 +47,12 @@ def run_summary(
     force_rmse_n is the one-step-ahead error in contact: the force predicted before the sample was
     used against the measured one, without the first second of contact (see `force_error`);
     force_aligned_rmse_n is that of readings brought to the same time. silent_s says since when no
-    estimate came where the run was ended in silence, None elsewhere. lost counts samples
-    that were published and for which no estimate came; None where that cannot be told, and where
-    the run has no estimator (estimating is false). left_out counts what there was a
-    reason for: "skipped" when the estimator was behind, "alone" of a sensor without the other,
-    "before_the_first" that was heard of the rig; not_seen counts estimates that
+    estimate came where the run was ended in silence, None elsewhere. lost counts samples that were
+    published and for which no estimate came; None where that cannot be told, and where the run has
+    no estimator (estimating is false). messages counts what the source published of whatever type,
+    None where it does not say; of a bag without samples it is all that is known. left_out counts
+    what there was a reason for: "skipped" when the estimator was behind, "alone" of a sensor
+    without the other, "before_the_first" that was heard of the rig; not_seen counts estimates that
     were made and did not come here: no figure counts them. not_recorded counts messages that never
     reached the recorder: it stood still, or was behind, for longer than publishers keep them.
     failures says why the run counts as failed although it went on to its end. estimator names whose
@@ -81,6 +82,7 @@ def run_summary(
         left_out["before_the_first"] = early
     summary = {
         "samples": samples,
+        "messages": state.messages,
         "lost": lost,
         "left_out": left_out,
         "estimates": statistics.estimates,
@@ -279,10 +281,13 @@ def _estimator_lines(summary: dict[str, Any]) -> list[str]:
     rejected = ", ".join(f"{n} {reason}" for reason, n in summary["rejected"].items()) or "none"
     name = summary["estimator"]
     whose = f"{name}: " if "/" in name or summary["others"] else ""
+    count = f"{summary['samples']} samples"
+    if not summary["samples"] and summary["messages"]:
+        count = f"{summary['messages']} messages"
     if not summary["estimating"]:
-        return [f"{summary['samples']} samples in {summary['duration_s']:.1f} s, and no estimator"]
+        return [f"{count} in {summary['duration_s']:.1f} s, and no estimator"]
     lines = [
-        f"{whose}{summary['estimates']} estimates of {summary['samples']} samples in "
+        f"{whose}{summary['estimates']} estimates of {count} in "
         f"{summary['duration_s']:.1f} s; lost {_lost(summary['lost'])}, rejected {rejected}"
     ]
     lines += [

@@ -273,7 +273,7 @@ class EstimatorNode(SampleFlow, ServiceCalls, LateDestruction, LifecycleNode):  
         if found < expected:
             topic = self._outputs.estimate_topic
             missing.append(f"{topic} has {found} of {expected} subscribers")
-        return missing
+        return missing + self._input.missing_listeners()
 
     # Watching.
 

@@ -74,6 +74,13 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
             maximum=1000,
             read_only=True,
         )
+        awaited = declare(
+            self,
+            "expected_topics",
+            [""],
+            "topics whose subscribers are counted; empty: those of samples, or of sensors",
+            read_only=True,
+        )
         self._start_paused = declare(
             self, "start_paused", False, "wait for ~/run before the first message", read_only=True
         )
@@ -94,11 +101,11 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
                 **self._timing(),
             )
             self._controls = PlayerControls(self, self._playback, self.get_logger().info)
+            self._awaited = self._topics_waited_for([n for n in awaited if n], namespace)
             refuse_unknown(self)
         except (BagError, ValueError) as error:
             raise NodeStartError(str(error)) from error
         self._playback.prepare()
-        self._samples = self._sample_topics()
         self._finished_at: float | None = None
         self._last_reported = (time.monotonic(), 0)
         add_ready_service(self, self._missing)
@@ -109,10 +116,28 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
                 START_CHECK_PERIOD_S, self._start_when_ready, clock=steady
             )
 
-    def _sample_topics(self) -> list[str]:
-        """Return the played topics of samples; without any, those of somebody's sensors."""
-        for types in ((SAMPLE_TYPE,), (SAMPLES_TYPE,), (FORCE_TYPE, *POSITION_TYPES)):
-            topics = self._reader.topics
+    def _topics_waited_for(self, named: list[str], namespace: str) -> list[str]:
+        """Return the played topics whose subscribers are counted, by their names in the bag.
+
+        Raises:
+            BagError: if one that is named is not played.
+        """
+        names = [full_name(name, namespace) for name in named]
+        played = self._publishers_by_topic
+        by_name = {publisher.topic_name: name for name, publisher in played.items()}
+        for name in names:
+            if name not in by_name:
+                raise BagError(
+                    f"{self._reader.path} has nothing to play on {name}: {', '.join(by_name)}"
+                )
+        return [by_name[name] for name in names] or self._of_types(
+            (SAMPLE_TYPE,), (SAMPLES_TYPE,), (FORCE_TYPE, *POSITION_TYPES)
+        )
+
+    def _of_types(self, *choices: tuple[str, ...]) -> list[str]:
+        """Return the played topics of the first of several sets of types that is there."""
+        topics = self._reader.topics
+        for types in choices:
             found = [n for n in self._publishers_by_topic if topics[n].definition.name in types]
             if found:
                 return found
@@ -196,7 +221,7 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
 
     def _missing(self) -> list[str]:
         """Return who is not there yet, for ~/ready."""
-        counts = {n: self._publishers_by_topic[n].get_subscription_count() for n in self._samples}
+        counts = {n: self._publishers_by_topic[n].get_subscription_count() for n in self._awaited}
         if self._expected and not counts:
             return [f"{self._reader.path} has no samples to play"]
         return [
@@ -204,6 +229,17 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
             for name, found in counts.items()
             if found < self._expected
         ]
+
+    def _samples(self) -> dict[str, int]:
+        """Return how many samples went out; nothing where there are none to count.
+
+        Of sensors there are no samples but what an estimator makes of them, and in arrays they are
+        more than messages.
+        """
+        topics = self._of_types((SAMPLE_TYPE,))
+        if not topics:
+            return {}
+        return {"samples": sum(self._playback.published[name] for name in topics)}
 
     def _status(self) -> Status:
         """Return what /diagnostics says."""
@@ -215,7 +251,7 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
         values: dict[str, Any] = {
             "bag": self._reader.path,
             "messages": count,
-            "samples": sum(playback.published[name] for name in self._samples),
+            **self._samples(),
             "rate_hz": (count - before[1]) / max(now - before[0], 1e-9),
             "rate": playback.rate,
             "position_s": (playback.time_ns() - playback.first_ns) * 1e-9,

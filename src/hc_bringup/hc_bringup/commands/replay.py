@@ -113,10 +113,13 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
     settings = each_once([*options, *arguments.param], "--param")
     with_estimator = arguments.estimator or bool(settings)
     file = config_folder() / "estimator.yaml"
-    kinds, samples, usual = _look_into(source, alone=with_estimator)
-    if with_estimator and kinds.isdisjoint((SAMPLE_TYPE, SAMPLES_TYPE)):
-        _refuse_without_samples(arguments.input, settings)
-    arrays = SAMPLES_TYPE in kinds and SAMPLE_TYPE not in kinds  # the player plays either
+    sensors = _sensor_topics(settings)
+    kinds, samples, usual = _look_into(source, alone=with_estimator and not sensors)
+    if with_estimator and not sensors and kinds.isdisjoint((SAMPLE_TYPE, SAMPLES_TYPE)):
+        _refuse_without_samples(arguments.input)
+    _check_topics(arguments.input, source, sensors)
+    # The player plays either; what an estimator makes of sensors are single ones.
+    arrays = not sensors and SAMPLES_TYPE in kinds and SAMPLE_TYPE not in kinds
     if with_estimator and arrays:
         estimator = NodePlan("estimator", "", parameter_files=(file,), parameters=settings)
         settings |= estimator_settings(file_parameters(estimator) | settings)
@@ -133,7 +136,10 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
                 "loop": arguments.loop,
                 "start_offset": arguments.start,
                 "duration": arguments.duration,
-                "exclude": _derived(samples, usual) if with_estimator else [""],
+                "exclude": (
+                    _derived(samples, usual, with_samples=bool(sensors)) if with_estimator else [""]
+                ),
+                "expected_topics": list(sensors.values()) or [""],
                 "remap": [f"{samples}:={usual}" if usual else ""],
                 "start_paused": True,
                 "exit_when_done": True,
@@ -149,6 +155,8 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
         waiting = {"input.maximum_backlog": LARGEST_BACKLOG}
         parameters = {**waiting, **settings, "expected_sample_publishers": 1}
         parameters["expected_estimate_subscribers"] = 1 + int(bag is not None)
+        if sensors:
+            parameters["expected_sample_subscribers"] = int(bag is not None)
         nodes.append(
             NodePlan(
                 "estimator",
@@ -178,25 +186,73 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
     return RunPlan(tuple(nodes)), bag
 
 
-def _refuse_without_samples(bag: str, settings: Mapping[str, Any]) -> None:
-    """See that an estimator is told what to listen to where a bag has no samples for it.
+def _refuse_without_samples(bag: str) -> None:
+    """Say what to do where a bag has no samples for an estimator.
 
     Raises:
-        UserError: if it is not.
+        UserError: always.
     """
-    if settings.get("input.source", "sample") not in ("sensors", "effort"):
-        raise UserError(
-            f"{bag} has no samples (hc_msgs/IndenterSample) for an estimator: hc estimate {bag} "
-            "takes its sensors; to see them live, run the estimator that hc setup wrote a file "
-            f"for (hc run my_robot_run.yaml), and hc replay {bag} beside it",
-            WRONG_USE,
-        )
+    raise UserError(
+        f"{bag} has no samples (hc_msgs/IndenterSample) for an estimator: hc estimate {bag} "
+        "takes its sensors; to see them live, run the estimator that hc setup wrote a file "
+        f"for (hc run my_robot_run.yaml), and hc replay {bag} beside it",
+        WRONG_USE,
+    )
 
 
-def _derived(samples: str, usual: str) -> list[str]:
-    """Return what an estimator makes anew: of its own names, and of those beside its samples."""
+def _sensor_topics(settings: Mapping[str, Any]) -> dict[str, str]:
+    """Return the topics that an estimator of sensors listens to, by setting; empty for samples."""
+    from hc_estimator.ros.node_settings import NODE_SETTINGS, OWN_SENSORS
+    from hc_logger.selection import full_name
+
+    def value(name: str) -> Any:
+        return settings.get(name, NODE_SETTINGS[name].default)
+
+    source = value("input.source")
+    if source not in OWN_SENSORS:
+        return {}
+    names = ["input.position.topic"]
+    if source == "sensors":
+        names.append("input.force.topic")
+        moves = value("input.contact.normal_from") == "topic"
+        if moves and value("input.contact.frame") == "surface":
+            names.append("input.contact.topic")
+    return {name: full_name(str(value(name))) for name in names}
+
+
+def _check_topics(bag: str, source: Path, sensors: Mapping[str, str]) -> None:
+    """See that a bag has the topics that an estimator is to listen to.
+
+    Raises:
+        UserError: if it has not.
+    """
+    from hc_logger.foreign import open_bag
+
+    if not sensors:
+        return
+    with open_bag(source) as opened:
+        names = list(opened.topics)
+    for setting, topic in sensors.items():
+        if topic not in names:
+            raise UserError(
+                f"{bag} has no topic {topic} ({setting}): it has {', '.join(names)}", WRONG_USE
+            )
+
+
+def _derived(samples: str, usual: str, *, with_samples: bool) -> list[str]:
+    """Return what an estimator makes anew: of its own names, and of those beside its samples.
+
+    Args:
+        samples: topic of its samples in the bag.
+        usual: the same as a node has it; empty where it is that.
+        with_samples: whether it makes samples of sensors.
+    """
+    from hc_msgs_py.topics import SAMPLE, SAMPLES
+
     namespace = samples.removesuffix(usual) if usual else ""
-    return [*DERIVED_TOPICS, *(f"{namespace}{t}" for t in DERIVED_TOPICS if namespace != "")]
+    made = [f"/{SAMPLE}", f"/{SAMPLES}"] if with_samples else []
+    beside = [f"{namespace}{t}" for t in DERIVED_TOPICS if namespace != ""]
+    return [*DERIVED_TOPICS, *made, *beside]
 
 
 def _look_into(source: Path, *, alone: bool) -> tuple[set[str], str, str]:

@@ -84,6 +84,10 @@ class EffortInput:
         """Messages without the joint or its effort, and readings that were none."""
         return {"joint_missing": self._missing_joint, "effort_unused": self._unused}
 
+    def missing_listeners(self) -> list[str]:
+        """Say who is not there of those who are to get the samples."""
+        return self._samples.missing()
+
     def close(self) -> None:
         """Stop listening."""
         self._joints.close()

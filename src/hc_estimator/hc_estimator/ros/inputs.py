@@ -69,6 +69,9 @@ class Input(Protocol):
     def counters(self) -> Mapping[str, int]:
         """What the input itself counted, for diagnostics."""
 
+    def missing_listeners(self) -> list[str]:
+        """Say who is not there of those who are to get the samples that it makes."""
+
     def configure(self, values: Mapping[str, Any]) -> None:
         """Take other settings that do not need other subscriptions."""
 
@@ -124,6 +127,10 @@ class SampleInput:
     def counters(self) -> Mapping[str, int]:
         """Messages that were none."""
         return {"undecodable": self.undecodable}
+
+    def missing_listeners(self) -> list[str]:
+        """Return nothing: the samples are another's."""
+        return []
 
     def close(self) -> None:
         """Stop listening."""

@@ -355,6 +355,14 @@ NODE_SETTINGS = _table(
         maximum=1000,
     ),
     setting(
+        "expected_sample_subscribers",
+        -1,
+        "The same of samples made of sensors; -1: the first one waits for one subscriber where "
+        "those of estimates are expected, ~/ready for none.",
+        minimum=-1,
+        maximum=1000,
+    ),
+    setting(
         "output.estimates",
         "each",
         "each: a message on hc/estimate for every sample; arrays: one on hc/estimates for all "

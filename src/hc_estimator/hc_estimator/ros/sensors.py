@@ -208,6 +208,10 @@ class SensorInput:
             )
         return found
 
+    def missing_listeners(self) -> list[str]:
+        """Say who is not there of those who are to get the samples."""
+        return self._samples.missing()
+
     def close(self) -> None:
         """Stop listening."""
         self._opened.close()
