@@ -110,6 +110,15 @@ def test_a_message_that_is_dealt_with_at_once_is_no_backlog(reporter, recorder):
     assert "cannot keep up" in reporter.collect(source_of(channel), ()).message
 
 
+@pytest.mark.parametrize(("count", "told"), [(7, True), (1, False)])
+def test_forces_that_are_no_numbers_are_called_that(reporter, count, told):
+    """Regression: "the force comes at 333.4 Hz on average ...: readings are lost or late"."""
+    for k, force in enumerate(np.linspace(0.1, 0.2, 20)):
+        reporter._session.process(10**18 + 10**6 * k, k, 1.0 + 0.01 * k, float(force))
+    status = reporter.collect(source_of(Topic(received=20), force_not_finite=count), ())
+    assert (f"{count} forces that are no numbers (NaN): the sensor" in status.message) is told
+
+
 @pytest.mark.parametrize("crowded", [False, True])
 def test_several_publishers_are_told_where_one_is_followed(reporter, crowded):
     """Of /tf everybody is heard, and it has many: that is no conflict."""

@@ -1,6 +1,7 @@
 """A frame of /tf as position, a tool that turns, and quality of service from parameters."""
 
 import itertools
+import math
 import time
 from contextlib import closing, contextmanager
 
@@ -314,3 +315,36 @@ def test_a_position_that_changes_its_frame_is_a_problem(ros_domain):
         assert list(problems_after("base", "base")) == []
         (said,) = problems_after("base", "camera")
         assert "pose came in the frame 'base', and then in 'camera'" in said
+
+
+@pytest.mark.process
+def test_readings_that_are_no_numbers_are_counted_as_such(ros_domain):
+    """Regression: NaN of a driver were "lost or late", and in no counter."""
+    values = {name: setting.default for name, setting in NODE_SETTINGS.items()} | {
+        "input.source": "sensors",
+        "input.force.topic": "wrench",
+        "input.position.type": "pose",
+        "input.position.topic": "pose",
+        "input.publish_samples": False,
+    }
+    with (
+        running_node(ros_domain) as (node, executor),
+        closing(SensorInput(node, Receiver(), values)) as source,
+    ):
+        forces = node.create_publisher(WrenchStamped, "wrench", 100)
+        poses = node.create_publisher(PoseStamped, "pose", 100)
+        wait_for_subscribers(executor, forces, poses)
+        for i in range(30):
+            wrench, pose = WrenchStamped(), PoseStamped()
+            set_stamp(wrench.header.stamp, time.time_ns())
+            set_stamp(pose.header.stamp, time.time_ns())
+            wrench.wrench.force.z = math.nan if i % 3 == 0 else 1.0
+            pose.pose.position.z = math.inf if i == 7 else 0.0
+            forces.publish(wrench)
+            poses.publish(pose)
+        end_s = time.monotonic() + 20.0
+        while min(channel.received for channel in source.channels) < 30:
+            assert time.monotonic() < end_s
+            executor.spin_once(timeout_sec=0.01)
+        counted = [source.counters[f"{name}_not_finite"] for name in ("force", "position")]
+        assert counted == [10, 1]

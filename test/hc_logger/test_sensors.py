@@ -196,3 +196,24 @@ def test_forces_that_are_stamped_on_arrival_get_the_times_of_measurement(tmp_pat
     assert np.max(late) > 0.014
     with pytest.raises(ValueError, match=r"force\.stamps=received is not measured or arrival"):
         read_sensors(tmp_path / "bag", Sensor(stamps="received"))
+
+
+def test_readings_that_are_no_numbers_are_called_that(tmp_path: Path) -> None:
+    """Regression: every third force a NaN was "comes at 666.7 Hz on average: lost or late"."""
+    from geometry_msgs.msg import PoseStamped, WrenchStamped
+    from rclpy.serialization import serialize_message
+
+    with BagWriter(tmp_path / "bag") as writer:
+        forces = writer.add_topic("/ft", "geometry_msgs/msg/WrenchStamped")
+        poses = writer.add_topic("/pose", "geometry_msgs/msg/PoseStamped")
+        for k in range(300):
+            stamp = START_NS + k * 1_000_000
+            for topic, message in ((forces, WrenchStamped()), (poses, PoseStamped())):
+                message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+                if topic == forces:
+                    message.wrench.force.z = float("nan") if k % 3 == 0 else 1.0
+                writer.write(topic, stamp, serialize_message(message))
+    problems = read_sensors(tmp_path / "bag").findings.problems
+    said = "100 of 300 readings of /ft are no numbers (NaN): the sensor or its driver gave none"
+    assert said in problems
+    assert not [problem for problem in problems if "/pose" in problem]

@@ -7,6 +7,7 @@ do there: every one at its own stamp, nothing is interpolated.
 
 from __future__ import annotations
 
+import math
 import os
 from array import array
 from collections.abc import Callable, Iterator
@@ -144,6 +145,7 @@ def read_sensors(
         samples: list[Merged] = []
         stamps_of: tuple[list[int], list[int]] = ([], [])  # of the forces, of the positions
         received: tuple[list[int], list[int]] = ([], [])
+        not_finite = [0, 0]
         longest_ns = round(SHARE * 1e9 * pairing.maximum_gap_s)
         repeated = (Repeats(longest_ns), Repeats(longest_ns))
         topics, sensors = (force_topic, position_topic), (force, position)
@@ -160,10 +162,17 @@ def read_sensors(
                     continue
                 stamps_of[channel].append(stamp)
                 received[channel].append(message.log_time)
+                not_finite[channel] += not math.isfinite(value)
                 samples += adds[channel](stamp, value, message.log_time)
         samples += merger.flush()
         problems = list(bag.problems)
         words = _words(bag, position_topic, position, frame)
+    problems += [
+        f"{count} of {len(stamps)} readings of {topic} are no numbers (NaN): the sensor or its "
+        "driver gave none"
+        for topic, stamps, count in zip(topics, stamps_of, not_finite, strict=True)
+        if count
+    ]
     counters = merger.counters
     outside = min(_outside(*stamps_of), counters.unpaired)
     for count, text in (

@@ -63,6 +63,7 @@ class SensorInput:
         self.normal_finder: NormalFinder | None = None
         self._receiver = receiver
         self._missing_joint = self._unusable_attitudes = self._skipped_positions = 0
+        self._forces_not_finite = self._positions_not_finite = 0
         self._frame_id = self._base_frame_id = ""
         self._frame_change = (-math.inf, "", "")  # when [s], from which frame, to which
         self._reading: tuple[Any, ...] = ()
@@ -183,6 +184,8 @@ class SensorInput:
             "pairing_unpaired": counters.unpaired,
             "pairing_resets": counters.resets,
             "positions_skipped": self._skipped_positions,
+            "force_not_finite": self._forces_not_finite,
+            "position_not_finite": self._positions_not_finite,
             "joint_missing": self._missing_joint,
             "frame_missing": 0 if frames is None else frames.missing,
             "attitude_unusable": self._unusable_attitudes
@@ -229,6 +232,7 @@ class SensorInput:
             self._samples.set_frame(self._frame_id)
             self._receiver.on_frame(self._frame_id)
         force = message.wrench.force
+        self._forces_not_finite += not math.isfinite(force.x + force.y + force.z)
         value: float | Vector
         if self._contact is None:
             value = self._force_mapping.of_vector(force.x, force.y, force.z)
@@ -250,6 +254,7 @@ class SensorInput:
             self._missing_joint += 1
             return
         value = self._position_mapping.of_scalar(message.position[index] * METRE_IN_MM)
+        self._positions_not_finite += not math.isfinite(value)
         self._take_position(nanoseconds_from_stamp(message.header.stamp), value)
 
     def _take_pose(self, message: Any) -> None:
@@ -271,6 +276,7 @@ class SensorInput:
             if self._base_frame_id:
                 self._frame_change = (time.monotonic(), self._base_frame_id, frame_id)
             self._base_frame_id = frame_id
+        self._positions_not_finite += not math.isfinite(sum(place))
         if self._contact is None:
             self.position = (place, frame_id)
             x, y, z = (METRE_IN_MM * part for part in place)

@@ -32,7 +32,14 @@ _REFUSED = {
     Rejection.NUMERICAL: "the filter failed numerically",
 }
 
+_NOT_FINITE = {
+    f"{name}_not_finite": f"{name}s that are no numbers (NaN): the sensor or its driver gave none"
+    for name in ("force", "position")
+}
+"""What an input counts of readings that nothing can be made of."""
+
 _UNUSABLE = {
+    **_NOT_FINITE,
     "attitude_unusable": "attitudes whose quaternion has no length: let the driver fill it",
     "joint_missing": "messages without the joint, or what is read of it (input.position.joint)",
     "frame_missing": "messages of frames that do not connect input.position.base_frame and "
@@ -211,6 +218,11 @@ class StatusReporter:
             f"{since[name]:.0f} {what}"
             for name, what in _LATE.items()
             if since.get(name, 0) > SHARE_REFUSED * since["received"] and not source.problems
+        ]
+        problems += [
+            f"{since[name]:.0f} {what}"
+            for name, what in _NOT_FINITE.items()
+            if since.get(name, 0) > max(SHARE_REFUSED * since["received"], 1.0)
         ]
         problems += [
             f"cannot keep up: {channel.most_waiting} messages waited on {channel.topic}"

@@ -45,7 +45,7 @@ def irregular(readings: Readings) -> Parts[str]:
     if mean > 1.2 * usual:
         return (
             f"the {name} comes at {1.0 / mean:.4g} Hz on average, though mostly every "
-            f"{1e3 * usual:.3g} ms: readings are lost or late"
+            f"{1e3 * usual:.3g} ms: readings are lost, late or no numbers (NaN)"
         )
     yield
     share, off_s = _of_arrival(time_s, values, usual)
