@@ -158,6 +158,9 @@ def test_what_is_wrong_with_bags_is_one_line(
         (["estimte", "x"], "hc: argument COMMAND: there is no 'estimte'; did you mean 'estimate'?"),
         (["run", "--scenarjo", "lump"], "--scenarjo; did you mean --scenario?"),
         (["estimate", "a.csv", "--fliter=ukf"], "did you mean --filter?"),
+        (["bag", "filter", "a", "b", "--tart", "3"], "--tart 3; did you mean --start?"),
+        (["bag", "split", "a", "b", "--every", "2", "--tart", "3"], "--tart 3 (see hc "),
+        (["topic", "pub", "/a", "std_msgs/msg/Bool", "--tiems=3"], "did you mean --times?"),
         (["qqqqqq"], "(choose from "),
     ],
 )

@@ -146,7 +146,6 @@ def test_what_was_complete_before_the_cut_is_recovered_in_order(
         at = 8 + round(share * (len(whole) - 8))
         (folder / "cut.mcap").write_bytes(whole[:at])
         expected = [w for w in written if w.end <= at]
-        expected.sort(key=lambda w: w.log_time)  # stable: ties stay as they were written
         refusal = ""
         try:
             report = recover_bag(folder / "cut.mcap", folder / "new")
@@ -157,7 +156,10 @@ def test_what_was_complete_before_the_cut_is_recovered_in_order(
             assert "nothing can be recovered" in refusal
             return
         assert report.clean == (at == len(whole))
-        assert sum(report.recovered.values()) == len(expected)
+        count = sum(report.recovered.values())
+        assert len(expected) <= count
+        expected = written[:count]  # with what can be read of the chunk that was cut
+        expected.sort(key=lambda w: w.log_time)  # stable: ties stay as they were written
         with BagReader(folder / "new") as reader:
             assert reader.complete
             got = [

@@ -9,7 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.writer import CompressionType, Writer
 
+from hc_logger.definitions import installed_definition
 from hc_logger.errors import BagError, BagExistsError
 from hc_logger.info import bag_info
 from hc_logger.reader import BagReader
@@ -219,3 +221,40 @@ def test_of_a_bag_whose_every_chunk_is_damaged_there_is_no_new_one(
     with pytest.raises(BagError, match=r"nothing can be recovered.*is damaged"):
         recover_bag(source, tmp_path / "new")
     assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("compression", list(CompressionType))
+def test_of_a_chunk_that_is_cut_what_was_before_the_cut_is_recovered(
+    tmp_path: Path, compression: CompressionType
+) -> None:
+    """Regression: of a file that is one chunk, cut in its middle, nothing was readable."""
+    definition = installed_definition("std_msgs/msg/Header")
+    rng = random.Random(3)
+    data = [rng.randbytes(200) for _ in range(3000)]  # some blocks of any compression
+    with open(tmp_path / "whole.mcap", "wb") as stream:
+        writer = Writer(stream, chunk_size=10**9, compression=compression)
+        writer.start("ros2")
+        schema = writer.register_schema(definition.name, "ros2msg", definition.text.encode())
+        channel = writer.register_channel("/a", "cdr", schema)
+        for k, one in enumerate(data):
+            writer.add_message(channel, 10**18 + k * 1000, one, 10**18 + k * 1000, k)
+        writer.finish()
+    whole = (tmp_path / "whole.mcap").read_bytes()
+    with BagReader(tmp_path / "whole.mcap") as reader:
+        (place,) = reader.files[0].scan.chunks
+    for number, share in enumerate((0.5, 0.9, 0.97)):
+        cut = tmp_path / f"cut{number}.mcap"
+        cut.write_bytes(whole[: place.offset + int(share * place.length)])
+        report = recover_bag(cut, tmp_path / f"new{number}")
+        got = [message for _, _, message in all_messages(tmp_path / f"new{number}")]
+        assert got == data[: len(got)]
+        # A block is at most 128 KiB, a record 231 bytes.
+        assert share * len(data) - 131072 / 231 - 2 < len(got) <= share * len(data)
+        (line,) = report.problems
+        assert report.lines()[-1] == "lost 0 bytes, and the rest of a chunk that was cut"
+        assert line.endswith(f": the first {len(got)} messages of it can be read")
+        with BagReader(cut) as reader:  # what is said of its length is true
+            assert reader.time_range() == (10**18, 10**18 + 1000 * (len(got) - 1))
+    (tmp_path / "head.mcap").write_bytes(whole[: place.offset + 100])
+    with pytest.raises(BagError, match="cut off at byte"):
+        recover_bag(tmp_path / "head.mcap", tmp_path / "nothing")

@@ -76,7 +76,18 @@ class _Version(argparse.Action):
 
 
 class _Parser(argparse.ArgumentParser):
-    """argparse, with wrong use told in one line."""
+    """argparse, with wrong use told in one line.
+
+    Attributes:
+        words: what was typed of it and its subcommands.
+    """
+
+    words: Sequence[str] = ()
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Keep what was typed: what is not known is said at the end, and by the outermost."""
+        self.words = list(sys.argv[1:] if args is None else args)
+        return super().parse_known_args(args, namespace)
 
     def error(self, message: str) -> NoReturn:
         line = _nearer(message[:1].lower() + message[1:], self)
@@ -100,15 +111,21 @@ def _nearer(line: str, parser: argparse.ArgumentParser) -> str:
         return f"{line[: wrong.start()]}there is no {wrong[1]!r}; did you mean {close[0]!r}?"
     if line.startswith("unrecognized arguments: "):
         word = line.split()[2]
-        options = [o for o in parser._option_string_actions if o.startswith("--")]
-        for action in parser._actions:  # those of the command that was named
-            if isinstance(action, argparse._SubParsersAction):
-                for sub in action.choices.values():
-                    options += [o for o in sub._option_string_actions if o.startswith("--")]
-        close = difflib.get_close_matches(word.partition("=")[0], options, n=1)
+        close = difflib.get_close_matches(word.partition("=")[0], _options(parser), n=1)
         if close and word.startswith("-"):
             return f"{line}; did you mean {close[0]}?"
     return line
+
+
+def _options(parser: argparse.ArgumentParser) -> list[str]:
+    """Return the long options of a parser and of the subcommands that were named."""
+    options = [o for o in parser._option_string_actions if o.startswith("--")]
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction) and isinstance(parser, _Parser):
+            named = next((word for word in parser.words if word in action.choices), None)
+            if named is not None:
+                options += _options(action.choices[named])
+    return options
 
 
 def _parser(command: str | None) -> argparse.ArgumentParser:

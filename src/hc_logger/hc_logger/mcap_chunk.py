@@ -86,8 +86,12 @@ _MESSAGE_HEAD = np.dtype(
 )
 
 
-def parse(content: bytes) -> tuple[Messages, NDArray[np.int64]]:
+def parse(content: bytes, *, whole: bool = True) -> tuple[Messages, NDArray[np.int64]]:
     """Find the messages among the records of an unpacked chunk.
+
+    Args:
+        content: the records.
+        whole: False: the last record may be cut off, and is left out then.
 
     Returns:
         The messages, and (records, 3) opcode, start and length of everything else.
@@ -98,7 +102,7 @@ def parse(content: bytes) -> tuple[Messages, NDArray[np.int64]]:
     buffer = np.frombuffer(content, np.uint8)
     records = walk_records(buffer, MOST_RECORDS)
     end = int(records[-1, 1] + records[-1, 2]) if len(records) else 0
-    if end != buffer.size:
+    if end != buffer.size and whole:
         raise DamageError(f"its records do not fill it, or are more than {MOST_RECORDS}")
     is_message = records[:, 0] == Opcode.MESSAGE
     return _messages(buffer, records[is_message]), records[~is_message]
@@ -121,12 +125,17 @@ def _messages(buffer: NDArray[np.uint8], rows: NDArray[np.int64]) -> Messages:
     )
 
 
-def unpack(raw: bytes) -> bytes:
-    """Return the records inside a chunk record (its nine bytes of head included).
+class _Packed(NamedTuple):
+    """What a chunk record says of its records, and those as they are packed."""
 
-    Raises:
-        DamageError: if it is cut, or its compression or checksum is wrong.
-    """
+    compression: bytes
+    unpacked_size: int
+    checksum: int
+    packed_size: int
+    packed: bytes
+
+
+def _packed(raw: bytes) -> _Packed:
     try:
         position = RECORD_HEAD.size
         _, _, unpacked_size, checksum = CHUNK_HEAD.unpack_from(raw, position)
@@ -138,11 +147,41 @@ def unpack(raw: bytes) -> bytes:
     except struct.error:
         raise DamageError("its head is cut off") from None
     packed = raw[position + 8 : position + 8 + packed_size]
-    if len(packed) != packed_size:
-        raise DamageError("its stated size is impossible")
     refusal = why_not_unpack(packed_size, unpacked_size)
     if refusal:
         raise DamageError(refusal)
+    return _Packed(compression, unpacked_size, checksum, packed_size, packed)
+
+
+def unpack_cut(raw: bytes) -> bytes:
+    """Return what can be unpacked of a chunk record whose end is missing.
+
+    Compressions work in blocks, of 128 KiB at most: the one in which it is cut is lost. There is no
+    checksum of a part.
+
+    Raises:
+        DamageError: if nothing can be.
+    """
+    head = _packed(raw)
+    try:
+        if head.compression == b"zstd":
+            with zstandard.ZstdDecompressor().stream_reader(head.packed) as stream:
+                begin: bytes = stream.read(head.unpacked_size)
+            return begin
+    except zstandard.ZstdError as error:
+        raise DamageError(f"it cannot be unpacked: {error}") from None
+    return _decompress(head.compression, head.packed, head.unpacked_size)
+
+
+def unpack(raw: bytes) -> bytes:
+    """Return the records inside a chunk record (its nine bytes of head included).
+
+    Raises:
+        DamageError: if it is cut, or its compression or checksum is wrong.
+    """
+    compression, unpacked_size, checksum, packed_size, packed = _packed(raw)
+    if len(packed) != packed_size:
+        raise DamageError("its stated size is impossible")
     content = _decompress(compression, packed, unpacked_size)
     if len(content) != unpacked_size:
         raise DamageError(f"it unpacks to {len(content)} instead of {unpacked_size} bytes")

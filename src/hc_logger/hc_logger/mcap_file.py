@@ -25,7 +25,16 @@ from mcap.records import Channel, Metadata, Schema
 
 from hc_logger.csv_open import is_text
 from hc_logger.errors import BagError
-from hc_logger.mcap_chunk import CHUNK_HEAD, RECORD_HEAD, DamageError, Messages, parse, unpack
+from hc_logger.limits import largest_chunk
+from hc_logger.mcap_chunk import (
+    CHUNK_HEAD,
+    RECORD_HEAD,
+    DamageError,
+    Messages,
+    parse,
+    unpack,
+    unpack_cut,
+)
 from hc_logger.other_files import what_it_is
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -45,13 +54,17 @@ _FOOTER = struct.Struct("<QQI")
 
 
 class ChunkPlace(NamedTuple):
-    """Where a chunk (or a run of messages outside chunks) stands in the file."""
+    """Where a chunk (or a run of messages outside chunks) stands in the file.
+
+    Of one that is cut off these are what is there of it.
+    """
 
     offset: int
     length: int
     start_ns: int
     end_ns: int
     loose: bool
+    cut: bool = False
 
 
 class DamagedChunk(NamedTuple):
@@ -73,6 +86,7 @@ class FileScan:
         complete: True if the file has its end.
         size: size of the file in bytes.
         unreadable: byte ranges (from, to) where the records could not be followed.
+        cut_chunk: what is said of a chunk in which the file ends and of which a part can be read.
     """
 
     chunks: list[ChunkPlace] = field(default_factory=list)
@@ -82,6 +96,7 @@ class FileScan:
     complete: bool = False
     size: int = 0
     unreadable: list[tuple[int, int]] = field(default_factory=list)
+    cut_chunk: str = ""
 
 
 class McapFile:
@@ -150,6 +165,8 @@ class McapFile:
                 if cut
                 else f"damaged from byte {start} to {end} of {self.scan.size}"
             )
+        if self.scan.cut_chunk:
+            lines.append(self.scan.cut_chunk)
         if not self.scan.complete and not lines:
             lines.append(f"cut off after byte {self.scan.size}: its end is missing")
         lines += [
@@ -168,14 +185,47 @@ class McapFile:
             if after is None:
                 # the length that led here may be the damaged one: look from inside that record
                 found = self._find_chunk(min(before + RECORD_HEAD.size, position + 1))
-                scan.unreadable.append((position, scan.size if found is None else found))
                 if found is None:
+                    if not self._scan_cut_chunk(position):
+                        scan.unreadable.append((position, scan.size))
                     return
+                scan.unreadable.append((position, found))
                 before, position = found, found
                 continue
             if scan.complete:
                 return
             before, position = position, after
+
+    def _scan_cut_chunk(self, position: int) -> bool:
+        """Take note of a chunk at a position that ends behind the file; False if it is none.
+
+        Nor is one of which no message can be read.
+        """
+        self._stream.seek(position)
+        head = self._stream.read(RECORD_HEAD.size + _PATTERN_BYTES)
+        if len(head) < RECORD_HEAD.size:
+            return False
+        opcode, length = RECORD_HEAD.unpack_from(head)
+        place = _chunk_place(head[RECORD_HEAD.size :], position, length)
+        there = self.scan.size - position
+        if opcode != Opcode.CHUNK or place is None or not there < place.length:
+            return False
+        try:
+            if there > largest_chunk():
+                raise DamageError("it is larger than the limit")
+            self._stream.seek(position)
+            messages, _ = parse(unpack_cut(self._stream.read(there)), whole=False)
+        except DamageError:
+            return False
+        count = len(messages.log_time)
+        if count:
+            first, last = int(messages.log_time.min()), int(messages.log_time.max())
+            self.scan.chunks.append(ChunkPlace(position, there, first, last, False, cut=True))
+            self.scan.cut_chunk = (
+                f"cut off at byte {self.scan.size}, within the chunk from byte {position} to "
+                f"{position + place.length}: the first {count} messages of it can be read"
+            )
+        return count > 0
 
     def _scan_record(self, position: int) -> int | None:
         """Take note of the record at a position; return where it ends, None if it is damaged."""
@@ -289,8 +339,9 @@ class McapFile:
         first_time = place.offset not in self._checked
         self._checked.add(place.offset)
         try:
-            content = raw if place.loose else unpack(raw)
-            messages, others = parse(content)
+            take = unpack_cut if place.cut else unpack
+            content = raw if place.loose else take(raw)
+            messages, others = parse(content, whole=not place.cut)
             if first_time:
                 described = np.isin(others[:, 0], (Opcode.SCHEMA, Opcode.CHANNEL))
                 for opcode, start, length in others[described].tolist():

@@ -29,6 +29,7 @@ class RecoveryReport:
         lost_spans: first and last log time (ns) of each chunk that cannot be read.
         unknown_channels: messages that were readable but of a topic whose description is lost.
         problems: one line for each damaged place.
+        cut_chunk: whether a chunk was cut off, of which a part was read.
     """
 
     recovered: dict[str, int] = field(default_factory=dict)
@@ -37,6 +38,7 @@ class RecoveryReport:
     lost_spans: list[tuple[int, int]] = field(default_factory=list)
     unknown_channels: int = 0
     problems: list[str] = field(default_factory=list)
+    cut_chunk: bool = False
 
     @property
     def clean(self) -> bool:
@@ -59,7 +61,8 @@ class RecoveryReport:
             lines.append(
                 f"lost {self.unknown_channels} messages whose topic's description is damaged"
             )
-        lines.append(f"lost {self.lost_bytes} bytes")
+        rest = ", and the rest of a chunk that was cut" if self.cut_chunk else ""
+        lines.append(f"lost {self.lost_bytes} bytes{rest}")
         return lines
 
 
@@ -120,6 +123,7 @@ def _account(reader: BagReader, report: RecoveryReport) -> None:
             for channel, count in file.indexed_counts(damage.place).items():
                 topic = names.get(channel, f"channel {channel}")
                 report.lost[topic] = report.lost.get(topic, 0) + count
+        report.cut_chunk |= bool(file.scan.cut_chunk)
         report.unknown_channels += _of_unknown_channels(file)
 
 
