@@ -125,3 +125,14 @@ def test_the_bag_of_somebody_elses_recorder_is_none_of_this_run(tmp_path, capsys
     summary, complaints = capsys.readouterr()
     assert "records" not in summary + complaints
     assert json.loads(summary)["not_recorded"] == 0
+
+
+def test_a_bag_that_was_renamed_meanwhile_is_named_as_it_is(tmp_path, capsys):
+    """Regression: "bag: OLD", of which there was nothing."""
+    bag_with(tmp_path / "new", {"/a": 3})
+    old = tmp_path / "old"
+    state = RunState(EstimateStatistics(), 0.0, elapsed_s=0.1, dropped={str(old): 0})
+    state.diagnostics["recorder"] = {"bag": str(old), "folder": str(tmp_path / "new")}
+    first = conclude(state, [], old, as_json=False, with_latency=False)
+    assert first == tmp_path / "new"
+    assert f"bag: {tmp_path / 'new'}" in capsys.readouterr().out

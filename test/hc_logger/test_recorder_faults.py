@@ -22,6 +22,7 @@ from hc_logger.recorder_node import RecorderNode
 from hc_logger.recording import read_recording
 from hc_logger.recover import recover_bag
 from hc_logger.session import INCOMPLETE, TopicCount
+from hc_logger.writer import BagWriter
 
 RECORDER = "hc_logger.recorder_node"
 SAMPLE = "hc_msgs/msg/IndenterSample"
@@ -317,3 +318,27 @@ def test_what_waits_at_the_end_is_written_however_much_it_is(
         rclpy.try_shutdown()
     info = {t.name: (t.message_count, t.lost) for t in bag_info(tmp_path / "bag").topics}
     assert info["/a"] == (4000, 0)
+
+
+def test_a_bag_that_is_renamed_while_it_is_written_is_closed_where_it_is(tmp_path: Path) -> None:
+    """Regression: "cannot write OLD: No such file or directory", and the bag had no metadata."""
+    writer = BagWriter(tmp_path / "old", max_file_bytes=20_000, chunk_bytes=1000)
+    topic = writer.add_topic("/a", "std_msgs/msg/Header")
+    rng = np.random.default_rng(0)
+    before = 0
+    for number in range(300):
+        if number == 100:
+            before = writer.file_count
+            (tmp_path / "old").rename(tmp_path / "new")
+        writer.write(topic, number, rng.bytes(200))
+    assert writer.folder == tmp_path / "new"
+    writer.close()
+    assert (writer.path, writer.folder) == (tmp_path / "old", tmp_path / "new")
+    assert not (tmp_path / "old").exists()
+    info = bag_info(tmp_path / "new")
+    assert (info.message_count, info.problems) == (300, [])
+    assert writer.file_count > before
+    other = BagWriter(tmp_path / "other")
+    (tmp_path / "other").rename(tmp_path / "gone")
+    other.discard()
+    assert not (tmp_path / "gone").exists()

@@ -16,6 +16,7 @@ from hc_bringup.wrapping import say, wrapped
 from hc_logger.errors import BagError
 from hc_logger.metadata import FILE_NAME, read_information
 from hc_logger.writer import numbered_bags
+from hc_msgs_py.topics import NODE_RECORDER
 
 LONGEST_WITHOUT_ESTIMATE_S = 1.0
 _OF_NODES = ("diagnostics", "rosout", "parameter_events", "configuration")
@@ -45,6 +46,7 @@ def conclude(
     if bag is not None:
         state.dropped = {name: n for name, n in state.dropped.items() if _is_of(bag, name)}
         bags = list(state.dropped) or [str(folder) for folder in numbered_bags(bag)] or [str(bag)]
+        bags = [_where_now(name, state.diagnostics.get(NODE_RECORDER, {})) for name in bags]
     first = bags[0] if bags else None
     cut = "; ".join(f"{bag} was {how}" for bag in bags if (how := _how_to_close(Path(bag))))
     summary = run_summary(state, first, bags[1:], with_latency=with_latency)
@@ -57,6 +59,17 @@ def conclude(
     if cut:  # of a recorder that died and was started again
         print(wrapped(cut, stream=sys.stderr), file=sys.stderr)
     return None if first is None else Path(first)
+
+
+def _where_now(name: str, said: dict[str, str]) -> str:
+    """Return the folder of a bag, which somebody may have renamed while it was recorded.
+
+    Args:
+        name: the folder that was made.
+        said: what the recorder said of itself last.
+    """
+    moved = said.get("bag") == name and not Path(name).exists()
+    return said.get("folder", name) if moved else name
 
 
 def _is_of(bag: Path, name: str) -> bool:

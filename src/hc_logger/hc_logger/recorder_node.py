@@ -284,6 +284,7 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._last_reported = (now, session.messages)
         values: dict[str, Any] = {
             "bag": session.writer.path,
+            "folder": session.writer.folder,
             "messages": session.messages,
             "rate_hz": (session.messages - before[1]) / max(now - before[0], 1e-9),
             "bytes": sum(count.bytes for count in session.counts.values()),

@@ -17,6 +17,7 @@ from typing import Any
 
 from hc_logger.definitions import TypeDefinition, installed_definition
 from hc_logger.errors import BagError, BagExistsError
+from hc_logger.followed_folder import FollowedFolder
 from hc_logger.mcap_writer import McapWriter
 from hc_logger.metadata import (
     BagMetadata,
@@ -64,6 +65,7 @@ class BagWriter:
             BagError: if the folder cannot be made.
         """
         self.path = Path(path)
+        self._followed = FollowedFolder(self.path)
         self._chunk_bytes = chunk_bytes
         self._max_file_bytes = max_file_bytes or 2**63
         self._max_file_ns = round(max_file_duration_s * 1e9) or 2**63
@@ -88,6 +90,7 @@ class BagWriter:
         self._stream = RawFile.none()
         self._writer = McapWriter(self._stream, chunk_bytes)
         try:
+            self._followed.hold()
             self._open_file()
         except OSError as error:
             self.discard()
@@ -97,7 +100,7 @@ class BagWriter:
         self._file = FileRecord(_plain(f"{self.path.resolve().name}_{len(self._files)}.mcap"))
         self._files.append(self._file)
         with self._files_lock:
-            self._stream = RawFile(self.path / self._file.path)
+            self._stream = RawFile(self.folder / self._file.path)
         for number, count in self._writer.written.items():
             self._safe_before[number] = self._safe_before.get(number, 0) + count
         self._writer = McapWriter(self._stream, self._chunk_bytes)
@@ -227,6 +230,11 @@ class BagWriter:
         """Messages written so far, over all files."""
         return sum(record.message_count for record in self._files)
 
+    @property
+    def folder(self) -> Path:
+        """The folder by the name that it has now."""
+        return self._followed.path
+
     def bytes_written(self) -> int:
         """Return the size of the current file so far."""
         return self._stream.tell()
@@ -294,12 +302,14 @@ class BagWriter:
             return
         self._finish_file()
         self.sync()
-        write_metadata(self.path, BagMetadata(self._topics, self._files, self._custom_data))
+        write_metadata(self.folder, BagMetadata(self._topics, self._files, self._custom_data))
         self._closed = True
+        self._followed.let_go()
 
     def abandon(self) -> None:
         """Close the file as it is, without its end: after a write that failed."""
         self._closed = True
+        self._followed.let_go()
         self._close_files()
 
     def _close_files(self) -> None:
@@ -316,11 +326,12 @@ class BagWriter:
         """
         self._closed = True
         self._close_files()
+        folder = self._followed.let_go()
         with contextlib.suppress(OSError):
             for record in self._files:
-                (self.path / record.path).unlink(missing_ok=True)
-            remove_metadata(self.path)
-            self.path.rmdir()
+                (folder / record.path).unlink(missing_ok=True)
+            remove_metadata(folder)
+            folder.rmdir()
 
     def __enter__(self) -> BagWriter:
         return self
