@@ -16,9 +16,12 @@ from hc_estimator.stream.readings import FloatArray
 
 UNEVEN, FEW = 0.1, 0.002
 """Of the usual step, by which one is uneven; and the share of such from which one looks."""
-SMOOTHER = 1.5
+SMOOTHER, NOT_ROUGHER = 1.5, 1.0
 """Times by which the motion has to be smoother over even times: stamps that say when a reading was
-measured make it smoother than any other times."""
+measured make it smoother than any other times. Of readings that come in bursts it need not be
+rougher: no sensor measures so."""
+INSTANT, TOGETHER = 0.1, 0.2
+"""Of a usual pause, for which readings of a burst are apart at most; share of such steps."""
 MOST_USUAL = 0.99
 """Share of the readings that count: others are outliers, or of a sensor that was away."""
 STRAIGHT_NS = 20e6
@@ -74,7 +77,9 @@ def find_even_times(stamps_ns: NDArray[np.int64], *channels: FloatArray) -> Even
         / max(_roughness(measured_ns, values, apart, there), _NOTHING)
         for values in channels
     ]
-    if not (max(gains) > SMOOTHER and min(gains) > 1.0 / SMOOTHER):
+    pause = float(np.quantile(steps, 0.95))
+    bursts = float(np.mean(steps < INSTANT * pause)) > TOGETHER
+    if not (max(gains) > (NOT_ROUGHER if bursts else SMOOTHER) and min(gains) > 1.0 / SMOOTHER):
         return None
     return EvenTimes(measured_ns, 1e9 / period, usual_late * 1e-9)
 
