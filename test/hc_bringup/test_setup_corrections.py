@@ -29,6 +29,7 @@ class Found:
             joint="",
             axis="z",
             held=False,
+            late_s=0.0,
         )
         self.force = self.position = sensor
         self.time_s = self.displacement_mm = self.force_n = np.arange(10.0)
