@@ -338,3 +338,26 @@ def test_a_turned_sign_is_named_where_no_surface_is_found(tmp_path, capsys):
     assert main(["estimate", str(table), "--find-surface"]) == 1
     said = capsys.readouterr().err
     assert "turn the signs of both (force.sign, position.sign)" in said
+
+
+@pytest.mark.parametrize("channels", [("displacement",), ("force",), ("displacement", "force")])
+def test_stamps_of_arrival_are_put_right_before_the_rest_is_judged(channels):
+    """Sensors of a bag, each at its own stamps; those that come by USB, eight at a time."""
+    time_s, depth, force = presses()
+    came_s = np.ceil((time_s + 1e-6) / 0.016) * 0.016 + 1e-5 * (np.arange(time_s.size) % 8)
+    depth_s = came_s if "displacement" in channels else time_s
+    force_s = came_s if "force" in channels else time_s + 1e-5
+    nothing = np.full(time_s.size, np.nan)
+    rows = np.concatenate(
+        [np.column_stack([depth_s, depth, nothing]), np.column_stack([force_s, nothing, force])]
+    )
+    diagnosis = diagnose(*rows[np.argsort(rows[:, 0], kind="stable")].T)
+    settings = {k: v for finding in diagnosis.findings for k, v in finding.settings.items()}
+    names = {"displacement": "position.stamps", "force": "force.stamps"}
+    for channel, name in names.items():
+        assert (settings.get(name) == "arrival") == (channel in channels)
+    assert diagnosis.estimated is not None
+    assert abs(diagnosis.estimated.parameters[0] - 0.5) < 0.02
+    assert diagnosis.estimated.mismatch < 0.02
+    present = {"force.stamps": "measured", "force.zero": 1.0}
+    assert apply(present, {"force.stamps": "arrival"}) == {"force.stamps": "arrival"}

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from hc_bringup.terminal.numbers import rounded
 from hc_estimator import Rejection, create_estimator
 from hc_estimator.kinds import DEFAULT_FILTER
+from hc_estimator.stream.arrival_clock import ARRIVAL
+from hc_estimator.stream.arrival_stamps import find_even_times
 from hc_estimator.stream.in_pieces import run_in_pieces
 from hc_estimator.stream.readings import Check, Suspicion, robust_range
 from hc_estimator.stream.repeats import once_each
@@ -91,7 +93,7 @@ class Samples:
     def put_right(self, doubt: Suspicion) -> dict[str, Any]:
         """Put a fault right; return the settings that do so, none if no setting does."""
         if np.isnan(doubt.remedy):
-            return {}
+            return self.put_at_even_times(doubt.channel) if doubt.check is Check.RATE else {}
         if doubt.check is Check.ZERO_STEP:
             during = (self.time_s >= doubt.since_s) & (self.time_s < doubt.until_s)
             shift = np.where(during, doubt.remedy, 0.0)
@@ -137,11 +139,35 @@ class Samples:
         else:
             self.force_n = left
 
+    def put_at_even_times(self, channel: str) -> dict[str, Any]:
+        """Give readings that are stamped on arrival the times at which they were taken.
+
+        Returns:
+            The setting that does so; none if their stamps may be those of measurement.
+        """
+        values = self.displacement_mm if channel == "displacement" else self.force_n
+        there = np.flatnonzero(np.isfinite(values) & np.isfinite(self.time_s))
+        stamps_ns = np.round(self.time_s[there] * NANOSECONDS).astype(np.int64)
+        found = find_even_times(stamps_ns, values[there])
+        if found is None:
+            return {}
+        own_s = self.time_s.copy()
+        own_s[there] = found.stamps_ns / NANOSECONDS
+        if channel == "displacement":
+            self._put_at(own_s, self.time_s)
+            return {"position.stamps": ARRIVAL}
+        self._put_at(self.time_s, own_s)
+        return {"force.stamps": ARRIVAL}
+
     def shift_force(self, seconds: float) -> None:
         """Stamp the forces so much later; each reading then stands at its own stamp."""
+        self._put_at(self.time_s, self.time_s + seconds)
+
+    def _put_at(self, displacement_s: FloatArray, force_s: FloatArray) -> None:
+        """Let each channel have times of its own [s], shape (n,) each."""
         has_depth, has_force = ~np.isnan(self.displacement_mm), ~np.isnan(self.force_n)
         nothing = np.full(len(self.time_s), np.nan)
-        time_s = np.concatenate([self.time_s[has_depth], self.time_s[has_force] + seconds])
+        time_s = np.concatenate([displacement_s[has_depth], force_s[has_force]])
         order = np.argsort(time_s, kind="stable")
         self.displacement_mm = np.concatenate(
             [self.displacement_mm[has_depth], nothing[has_force]]

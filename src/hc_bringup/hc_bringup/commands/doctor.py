@@ -203,7 +203,7 @@ def apply(present: dict[str, Any], correction: dict[str, Any]) -> dict[str, Any]
     changed: dict[str, Any] = {}
     for name, value in correction.items():
         sensor, _point, key = name.partition(".")
-        if key in ("", "held"):  # not added to what was set before
+        if key in ("", "held", "stamps"):  # not added to what was set before
             changed[name] = value
         elif key in ("sign", "scale"):
             changed[name] = type(value)(present.get(name, 1) * value)
