@@ -178,7 +178,8 @@ marker=$environment/.starting.
 for left in "$marker"*; do
     if [ -w "$left" ] && [ ! -e "/proc/${left#"$marker"}" ]; then
         printf 'hc: the last start broke off within Python: its byte code is made anew\n' >&2
-        rm -rf "$PYTHONPYCACHEPREFIX" "$left"
+        # Others that run meanwhile may write there again.
+        rm -rf "$PYTHONPYCACHEPREFIX" "$left" 2>/dev/null || rm -f "$left"
     fi
 done
 
@@ -188,5 +189,6 @@ export HC_ROOT="$root"
 # An interrupt waits until the command can answer it (hc_bringup/entry.py), where env knows how.
 blocking=''
 env --block-signal=INT true 2>/dev/null && blocking='env --block-signal=INT'
+trap 'rm -f "$marker$$"; exit 130' INT # interrupted here, nothing broke off
 { true >"$marker$$"; } 2>/dev/null || true # where nothing can be written nothing is damaged
 exec $blocking "$environment/bin/hc" "$@"
