@@ -13,7 +13,7 @@ from hc_bringup.guided_setup import Recorded
 from hc_estimator.ros.node_settings import NODE_SETTINGS
 from hc_estimator.stream import sensor_setup
 from hc_estimator.stream.sanity import _units
-from hc_estimator.stream.sensor_setup import VectorReadings
+from hc_estimator.stream.vector_readings import VectorReadings
 
 
 class Found:

@@ -15,7 +15,8 @@ from hc_estimator.contact.hunt_crossley import hunt_crossley_force
 from hc_estimator.stream.arrival_clock import ArrivalClock, measured_stamps
 from hc_estimator.stream.arrival_stamps import find_even_times
 from hc_estimator.stream.sanity import check_samples
-from hc_estimator.stream.sensor_setup import VectorReadings, propose
+from hc_estimator.stream.sensor_setup import propose
+from hc_estimator.stream.vector_readings import VectorReadings
 
 SECONDS = 20.0
 START_NS = 1_790_000_000_000_000_000

@@ -7,7 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
-from hc_estimator.stream.sensor_setup import SetupError, VectorReadings, propose
+from hc_estimator.stream.sensor_setup import SetupError, propose
+from hc_estimator.stream.vector_readings import VectorReadings
 
 SURFACE = 412.0
 BIAS = np.array([0.3, -1.1, 4.2])

@@ -15,7 +15,7 @@ from hc_bringup.simulated_clock import ClockListener
 from hc_bringup.turning import turned_deg
 from hc_estimator.stream.frame_poses import FramePoses
 from hc_estimator.stream.readings import FloatArray
-from hc_estimator.stream.sensor_setup import VectorReadings
+from hc_estimator.stream.vector_readings import VectorReadings
 from hc_msgs_py.interface_class import interface_class
 from hc_msgs_py.qos import SAMPLE_QOS
 from hc_msgs_py.topics import RECONSTRUCTED_WRENCH

@@ -13,22 +13,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_estimator.stream.arrival_stamps import find_even_times
-from hc_estimator.stream.channel_checks import held
 from hc_estimator.stream.free_motion import free_motion
 from hc_estimator.stream.readings import (
     CLEAR,
     LEAST_SAMPLES,
     FloatArray,
-    Readings,
     noise,
     robust_range,
     whole,
 )
-from hc_estimator.stream.repeats import new_readings
 from hc_estimator.stream.sign_checks import pressed_way
 from hc_estimator.stream.surface import find_surface
-from hc_msgs_py.units import NANOSECONDS
+from hc_estimator.stream.vector_readings import VectorReadings, at_even_times, each_once
 
 AXIS_ALIGNED = math.cos(math.radians(10.0))
 """A direction that is so near to an axis is taken for that axis."""
@@ -43,22 +39,6 @@ _RIDGE = 0.02
 
 class SetupError(ValueError):
     """Why the readings do not show how the sensors are to be read, in one line."""
-
-
-class VectorReadings(NamedTuple):
-    """Readings of a sensor: times [s], shape (n,), and components, shape (n, k).
-
-    Attributes:
-        time_s: when each was measured.
-        values: in N or mm; one column a component.
-        names: of the components: x, y, z, or names of joints.
-        of_joints: whether they are joints, which may be called x, y and z as well.
-    """
-
-    time_s: FloatArray
-    values: FloatArray
-    names: tuple[str, ...]
-    of_joints: bool = False
 
 
 class SensorProposal(NamedTuple):
@@ -167,10 +147,10 @@ def propose(
     if force.of_joints:
         force, position = _one_joint(force, position)
     else:
-        force, late_s[0] = _at_even_times(force)
-        position, late_s[1] = _at_even_times(position)
-        force, repeated[0] = _each_once(force)
-        position, repeated[1] = _each_once(position)
+        force, late_s[0] = at_even_times(force)
+        position, late_s[1] = at_even_times(position)
+        force, repeated[0] = each_once(force)
+        position, repeated[1] = each_once(position)
     resting = None if rest_s is None else force.time_s <= rest_s
     push = main_direction(force.values)
     pushed = force.values @ push
@@ -221,36 +201,6 @@ def propose(
         ),
         tuple(notes),
     )
-
-
-def _at_even_times(readings: VectorReadings) -> tuple[VectorReadings, float]:
-    """Return the readings at the even times at which they were taken, if their stamps are others.
-
-    Returns:
-        Beside them by how much the stamps are off [s]; 0 where they are not.
-    """
-    stamps_ns = np.round(readings.time_s * NANOSECONDS).astype(np.int64)
-    swings = np.ptp(readings.values, axis=0) / np.maximum(
-        [noise(column) for column in readings.values.T], 1e-12
-    )
-    found = find_even_times(stamps_ns, readings.values[:, int(np.argmax(swings))])
-    if found is None:
-        return readings, 0.0
-    return readings._replace(time_s=found.stamps_ns / NANOSECONDS), found.late_s
-
-
-def _each_once(readings: VectorReadings) -> tuple[VectorReadings, bool]:
-    """Return the readings without those that a topic only repeats, and whether it does.
-
-    The component that changes most often tells: others may stand still, as joints at rest do.
-    """
-    changing = int(np.argmax(np.count_nonzero(np.diff(readings.values, axis=0), axis=0)))
-    _sentence, repeats = held(Readings("", "", readings.time_s, readings.values[:, changing]))
-    if math.isnan(repeats):
-        return readings, False
-    stamps_ns = np.round(readings.time_s * NANOSECONDS).astype(np.int64)
-    new = new_readings(stamps_ns, readings.values)
-    return readings._replace(time_s=readings.time_s[new], values=readings.values[new]), True
 
 
 def _one_joint(
