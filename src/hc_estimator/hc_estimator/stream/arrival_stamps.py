@@ -21,7 +21,8 @@ SMOOTHER, NOT_ROUGHER = 1.5, 1.0
 measured make it smoother than any other times. Of readings that come in bursts it need not be
 rougher: no sensor measures so."""
 INSTANT, TOGETHER = 0.1, 0.2
-"""Of a usual pause, for which readings of a burst are apart at most; share of such steps."""
+"""Of a usual pause, for which readings of a burst are apart at most; share of such steps from which
+on they come in bursts."""
 MOST_USUAL = 0.99
 """Share of the readings that count: others are outliers, or of a sensor that was away."""
 STRAIGHT_NS = 20e6
@@ -77,14 +78,22 @@ def find_even_times(stamps_ns: NDArray[np.int64], *channels: FloatArray) -> Even
         / max(_roughness(measured_ns, values, apart, there), _NOTHING)
         for values in channels
     ]
-    pause = float(np.quantile(steps, 0.95))
-    bursts = float(np.mean(steps < INSTANT * pause)) > TOGETHER
-    if not (max(gains) > (NOT_ROUGHER if bursts else SMOOTHER) and min(gains) > 1.0 / SMOOTHER):
+    least = NOT_ROUGHER if share_in_bursts(steps) > TOGETHER else SMOOTHER
+    if not (max(gains) > least and min(gains) > 1.0 / SMOOTHER):
         return None
     return EvenTimes(measured_ns, 1e9 / period, usual_late * 1e-9)
 
 
 _NOTHING = 1e-300
+
+
+def share_in_bursts(steps: FloatArray | NDArray[np.int64]) -> float:
+    """Return the share of readings at the time of the one before, beside the usual pause.
+
+    Args:
+        steps: from each stamp to the next, shape (n,).
+    """
+    return float(np.mean(steps < INSTANT * float(np.quantile(steps, 0.95))))
 
 
 def _roughness(

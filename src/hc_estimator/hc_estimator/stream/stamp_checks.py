@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from hc_estimator.stream.arrival_stamps import TOGETHER, share_in_bursts
 from hc_estimator.stream.readings import FloatArray, Parts, Readings
 from hc_msgs_py.units import DAY_S
 
@@ -30,13 +31,12 @@ def irregular(readings: Readings) -> Parts[str]:
             "the one before, and are left out: write the times with more digits, or stamp each "
             "reading when it is measured"
         )
-    typical = float(np.quantile(steps, 0.95))
-    together = float(np.mean(steps < 0.1 * typical))
-    if together <= _TOGETHER:
+    together = share_in_bursts(steps)
+    if together <= TOGETHER:
         together = _in_long_bursts(steps, values, usual)
     forward = steps[(steps > 0.0) & (steps < 20.0 * usual)]
     mean = float(np.mean(forward)) if len(forward) else usual  # none where stamps go to and fro
-    if together > _TOGETHER:
+    if together > TOGETHER:
         return (
             f"the {name} comes in bursts, {100 * together:.0f} % of the readings at the time of "
             "the one before, as stamps of arrival do: stamp them when they are measured, or say "
@@ -63,8 +63,6 @@ def _setting(name: str) -> str:
     return "force.stamps" if name == "force" else "position.stamps"
 
 
-_TOGETHER = 0.2
-"""Share of the readings at the time of the one before from which on they come in bursts."""
 _PAUSE, _LONGEST_PAUSE_S, _FEWEST_BURSTS, _INSTANT = 10.0, 2.0, 5, 0.2
 """Times the usual interval: what parts bursts; the longest that a driver waits to hand readings on;
 how many bursts there are; the share of the time that they may take."""
