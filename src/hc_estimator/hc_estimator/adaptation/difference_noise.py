@@ -3,14 +3,16 @@
 High differences of a smooth signal are nearly zero, those of order m of white noise of variance r
 have the variance C(2m, m) r. Their squares, divided by that, measure the noise at every sample,
 whatever the tissue does. The higher the order, the less of the motion leaks in at low rates; eight
-is as far as the error of the estimate hardly grows. A long running mean is the noise in use; when
-a short mean departs from it the long one restarts from the short one, so that a sensor that turns
-noisier is followed at once, and is told from a tissue that changed: a step of the force enters
-only eight differences, and each is limited against the noise known so far.
+is as far as the error of the estimate hardly grows. Where stamps are not even or readings are
+missing it is the divided difference, whose weights are found from the stamps: a force of which
+every fourth reading is missing never has nine in a row. A long running mean is the noise in use;
+when a short mean departs from it the long one restarts from the short one, so that a sensor that
+turns noisier is followed at once, and is told from a tissue that changed: a step of the force
+enters only eight differences, and each is limited against the noise known so far.
 
-Readings that the outlier gate refuses break the even spacing, and a sensor that turns ten times
-noisier has half of them refused. Refused innovations that disagree among themselves are such a
-sensor's, and their scatter is its noise; those of a changed tissue or of a tool that turns agree.
+A sensor that turns ten times noisier has half of its readings refused by the outlier gate. Refused
+innovations that disagree among themselves are such a sensor's, and their scatter is its noise;
+those of a changed tissue or of a tool that turns agree.
 """
 
 from __future__ import annotations
@@ -77,8 +79,13 @@ FIRST_SAMPLES = 16  # differences before they replace the noise given in the set
 AFTER_JUMP = 10  # differences that the restarted long mean counts for
 LATEST = 12  # differences in the quickest mean, for the change detector
 LARGEST_RATIO = 16.0  # of one squared difference against the long mean
-# A step that differs from the usual one by more than this share breaks the even spacing.
-UNEVEN = 0.5
+# Steps that differ by no more than this share are even: their weights are known.
+EVEN = 1e-3
+# Time that nine readings may take, over that of as many even ones: over more, motion leaks in.
+LONGEST = 2.0
+UNEVEN = 0.5  # a step that differs by no more than this share from the usual one is a usual one
+LONG_STEP = 4.0  # from so many usual steps on, a step is a gap
+SAME_TIME = 1e-3  # a step of less than this share of the usual one is none
 SCATTERED = 2  # in jumped, until the next reading
 REFUSED = 3  # refused innovations that say whether they scatter
 SCATTER_RATIO = 9.0  # of their scatter to the noise variance known so far, at least
@@ -89,8 +96,9 @@ PLAUSIBLE = 2.0  # deviations (Poisson) by which more may be accepted there than
 NOISE = record_type(
     (
         Field("readings", np.float64, (ORDER + 1,)),  # the last ones, oldest first
-        Field("readings_count", np.int64, (), 0, ORDER + 1),  # that follow one another evenly
-        Field("last_time", np.float64, ()),  # of the last reading [s]
+        Field("times", np.float64, (ORDER + 1,)),  # their stamps [s]
+        Field("readings_count", np.int64, (), 0, ORDER + 1),  # that follow one another
+        Field("even_count", np.int64, (), 0, ORDER + 1),  # the latest of them that are even
         Field("step", np.float64, (), 0.0),  # usual step between two of them [s]
         Field("count", np.int64, (), 0),  # differences since the start or the last jump
         Field("mean", np.float64, (), 0.0),  # long running mean of the noise variance
@@ -134,23 +142,55 @@ def variance_of(readings: Any) -> float:
 
 
 @compiled
+def uneven_variance_of(times: Any, readings: Any) -> float:
+    """The same of readings at any times [s], by their divided difference."""
+    span, latest = times[ORDER] - times[0], readings[ORDER]
+    difference, squares = 0.0, 0.0
+    for k in range(ORDER + 1):
+        product = 1.0
+        for j in range(ORDER + 1):
+            if j != k:
+                product *= (times[k] - times[j]) / span
+        weight = 1.0 / product
+        difference += weight * (readings[k] - latest)
+        squares += weight * weight
+    return difference * difference / squares
+
+
+@compiled
+def follows(channel: Any) -> bool:
+    """True if the last reading is about as long after the one before as is usual."""
+    step = channel.times[ORDER] - channel.times[ORDER - 1]
+    return bool(channel.readings_count > 1 and abs(step - channel.step) <= UNEVEN * channel.step)
+
+
+@compiled
 def _take_reading(channel: Any, time: float, reading: float, broken: bool) -> bool:
-    """Append a reading; True once enough evenly spaced readings are there."""
-    step = time - channel.last_time
-    if broken:
+    """Append a reading; True once enough of them are there, close to one another."""
+    times = channel.times
+    step = time - times[ORDER]
+    if broken or step < 0.0:  # another delay may put a reading before the last one
         channel.readings_count = 0
-    elif channel.readings_count == 1:
-        channel.step = max(step, 0.0)  # another delay may put a reading before the last one
-    elif channel.readings_count > 1:
-        if abs(step - channel.step) > UNEVEN * channel.step:
-            channel.readings_count = 0
+    elif channel.readings_count > 0:
+        if step <= SAME_TIME * channel.step:
+            return False
+        few = channel.readings_count <= ORDER
+        if few and LONG_STEP * step < channel.step:  # what was before was before a gap
+            channel.readings_count = 1
+        if channel.readings_count == 1:
+            channel.step = step
+            channel.even_count = 2
         else:
-            channel.step += 0.1 * (step - channel.step)
-    channel.last_time = time
+            before = times[ORDER] - times[ORDER - 1]
+            even = abs(step - before) <= EVEN * before
+            channel.even_count = min(channel.even_count + 1, ORDER + 1) if even else 2
+            channel.step += 0.1 * (min(step, LONG_STEP * channel.step) - channel.step)
     channel.taken += 1
     append(channel.readings, reading)
+    append(times, time)
     channel.readings_count = min(channel.readings_count + 1, ORDER + 1)
-    return channel.readings_count > ORDER  # type: ignore[no-any-return]
+    span = times[ORDER] - times[0]
+    return channel.readings_count > ORDER and span <= LONGEST * ORDER * channel.step  # type: ignore[no-any-return]
 
 
 @compiled
@@ -173,7 +213,10 @@ def learn(
     channel.jumped = 1 if channel.jumped == SCATTERED else 0
     if not _take_reading(channel, time, reading, broken):
         return False
-    variance = variance_of(channel.readings)
+    if channel.even_count > ORDER:
+        variance = variance_of(channel.readings)
+    else:
+        variance = uneven_variance_of(channel.times, channel.readings)
     channel.position = (channel.position + 1) % LATEST
     channel.squares[channel.position] = variance
     channel.count += 1

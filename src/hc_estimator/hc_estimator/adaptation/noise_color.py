@@ -90,7 +90,7 @@ def learn(color: Any, channel: Any, reading: float, touches: bool) -> None:
     if channel.jumped != 0:
         restart(color)
     inside = 1 if touches else 0
-    if channel.readings_count <= 1 or inside != color.touches:
+    if not difference_noise.follows(channel) or inside != color.touches:
         interrupt(color)
     color.touches = inside
     value = reading
