@@ -82,7 +82,7 @@ LARGEST_RATIO = 16.0  # of one squared difference against the long mean
 # Steps that differ by no more than this share are even: their weights are known.
 EVEN = 1e-3
 # Time that nine readings may take, over that of as many even ones: over more, motion leaks in.
-LONGEST = 2.0
+LONGEST = 1.3
 UNEVEN = 0.5  # a step that differs by no more than this share from the usual one is a usual one
 LONG_STEP = 4.0  # from so many usual steps on, a step is a gap
 SAME_TIME = 1e-3  # a step of less than this share of the usual one is none
