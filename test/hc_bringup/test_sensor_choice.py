@@ -2,12 +2,13 @@
 
 import time
 
+import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from rosgraph_msgs.msg import Clock
 
 from hc_bringup.errors import UserError
-from hc_bringup.robot_streams import Stream, unusable
+from hc_bringup.robot_streams import Stream, _Arrival, _rate, unusable
 from hc_bringup.sensor_choice import Choice, best
 from hc_bringup.simulated_clock import ClockListener
 
@@ -45,6 +46,38 @@ def test_where_no_name_tells_the_fastest_and_the_first_frame_are_proposed():
     of_tf = frames("tool0", "camera")
     assert best(of_tf, PLACE, wrench) == of_tf[0]
     assert best([poses[0]._replace(rate_hz=0.0)], PLACE, wrench) is None
+
+
+def came(stamps, arrivals=None):
+    pairs = zip(stamps, stamps if arrivals is None else arrivals, strict=True)
+    return [_Arrival(arrived, stamp, "ft", False) for stamp, arrived in pairs]
+
+
+def in_bursts(rate_hz, together, own_stamp, seconds=1.5):
+    """Readings that are handed out so many at a time, each 20 us after the one before."""
+    numbers = np.arange(int(rate_hz * seconds))
+    last = numbers // together * together + together - 1
+    arrivals = last / rate_hz + 20e-6 * (numbers % together)
+    return came(arrivals if own_stamp else last / rate_hz, arrivals)
+
+
+@pytest.mark.parametrize("own_stamp", [True, False])
+@pytest.mark.parametrize(("rate_hz", "together"), [(1000, 8), (500, 4), (4000, 64), (125, 2)])
+def test_the_rate_of_packets_is_that_of_their_readings(rate_hz, together, own_stamp):
+    """Regression: `hc setup` told "/rob/wrench (wrench): 24385 Hz" of packets at 1 kHz."""
+    assert _rate(in_bursts(rate_hz, together, own_stamp)) == pytest.approx(rate_hz, rel=0.01)
+
+
+def test_the_rate_of_even_readings_is_told_through_stalls_and_losses():
+    stamps = 0.002 * np.arange(750)
+    arrivals = stamps.copy()
+    arrivals[100:400] = np.maximum(stamps[100:400], stamps[399])  # handed out late, in one go
+    assert _rate(came(stamps, arrivals)) == pytest.approx(500.0)
+    assert _rate(came(np.r_[stamps[:200], stamps[500:]])) == pytest.approx(500.0)
+    assert _rate(came(np.zeros(750), stamps)) == pytest.approx(500.0)
+    assert _rate(came([1.0, 1.5, 2.0])) == pytest.approx(2.0)
+    assert _rate(came([1.0])) == 1.0
+    assert _rate([]) == 0.0
 
 
 class OneSubscription:

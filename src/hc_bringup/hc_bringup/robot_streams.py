@@ -13,6 +13,7 @@ from hc_bringup.frame_streams import FRAMES, FrameListener, FrameSearch
 from hc_bringup.graph import Graph
 from hc_bringup.simulated_clock import ClockListener
 from hc_bringup.turning import turned_deg
+from hc_estimator.stream.arrival_stamps import INSTANT, TOGETHER
 from hc_estimator.stream.frame_poses import FramePoses
 from hc_estimator.stream.readings import FloatArray
 from hc_estimator.stream.vector_readings import VectorReadings
@@ -54,6 +55,8 @@ _XYZ = ("x", "y", "z")
 SILENT_S = 2.0
 """A sensor that sent nothing for so long is told to be silent."""
 _KEPT_WHILE_IDLE = 20_000
+_FEWEST_BURSTS = 4
+"""Before that, messages that come at once are those of a stall."""
 
 
 class Stream(NamedTuple):
@@ -365,9 +368,13 @@ def _rate(heard: list[_Arrival]) -> float:
     """
     for times in ([a.stamp_s for a in heard], [a.arrived_s for a in heard]):
         steps = np.diff(times)
-        forward = steps[steps > 0.0]
-        if 2 * len(forward) > len(heard):
-            return float(1.0 / np.median(forward))
+        if 2 * np.count_nonzero(steps > 0.0) > len(heard):
+            # Of bursts, from the beginning of one to that of another.
+            pause = np.sort(steps)[-min(_FEWEST_BURSTS, len(steps))]
+            begun = np.flatnonzero(steps > 0.5 * pause) + 1
+            if np.mean(steps < INSTANT * pause) > TOGETHER and len(begun) > 1:
+                return float((begun[-1] - begun[0]) / (times[begun[-1]] - times[begun[0]]))
+            return float(1.0 / np.median(steps[steps > 0.0]))
     return float(bool(heard))
 
 
