@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hc_estimator import create_estimator
+from hc_estimator.ros.channel import is_replayed
 from hc_estimator.ros.inputs import publisher_conflict
 from hc_estimator.ros.sample_flow import SampleFlow
 from hc_estimator.ros.status import StatusReporter
@@ -51,6 +52,28 @@ def test_zeros_that_were_taken_off_are_not_recorded_to_be_taken_off_again(source
     assert flow.said == [already if own else ZEROS]
     flow._add_latency(5)
     assert flow.ages == [bool(own)]  # sensors speak now, samples may come out of a bag
+
+
+@pytest.mark.parametrize(
+    ("names", "replayed"),
+    [
+        ((["/player"], ["/player"]), True),
+        ((["/left/rosbag2_player"], []), True),
+        ((["/player"], ["/ur_driver"]), False),
+        ((["/ur_driver", "/player"],), False),
+        ((["/media_player"],), False),
+        ((["/player (std_msgs/msg/Float64)"],), False),
+        (([], []), False),
+    ],
+)
+def test_sensors_that_a_player_publishes_may_be_as_old_as_they_are(names, replayed):
+    """Regression: during `hc replay` the samples were "366 s old: use PTP or chrony"."""
+    channels = [SimpleNamespace(publisher_names=published) for published in names]
+    assert is_replayed(channels) is replayed
+    flow = node("sensors")
+    flow._replayed = is_replayed(channels)
+    flow._add_latency(5)
+    assert flow.ages == [not replayed]
 
 
 def test_a_contact_is_where_the_tool_first_touched(recorder):

@@ -16,7 +16,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.parameter import Parameter
 
 from hc_estimator import Estimator, create_estimator
-from hc_estimator.ros.channel import QosOverrideError, SubscriptionError
+from hc_estimator.ros.channel import QosOverrideError, SubscriptionError, is_replayed
 from hc_estimator.ros.clock_jumps import watch_jumps
 from hc_estimator.ros.compilation import Compilation, all_filters, compile_all
 from hc_estimator.ros.event_log import EventLog
@@ -329,6 +329,7 @@ class EstimatorNode(SampleFlow, ServiceCalls, LateDestruction, LifecycleNode):  
             if self._cannot_listen and self._wants_input:
                 return Status(Level.ERROR, self._cannot_listen, {})
             return Status(Level.OK, "not active", {})
+        self._replayed = is_replayed(self._input.channels)
         self._status.wrenches_left_out = self._outputs.wrenches_left_out
         status = self._status.collect(self._input, self._suspicions.suspicions)
         status = self._namesakes.added_to(status)

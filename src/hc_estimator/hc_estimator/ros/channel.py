@@ -12,8 +12,8 @@ from __future__ import annotations
 import copy
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Final
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy._rclpy_pybind11 import RCLError
@@ -25,6 +25,7 @@ from rclpy.subscription import Subscription
 
 from hc_estimator.stream.publishers import PublisherLines
 from hc_msgs_py.qos import SAMPLE_QOS, STREAM_DEPTH
+from hc_msgs_py.topics import NODE_PLAYER
 
 MOST_TOGETHER = 256
 """Messages that are handed on in one piece."""
@@ -32,6 +33,8 @@ SLICE_S = 0.01
 """So long a channel works off its backlog before others have their turn."""
 LATELY_NS = 2_000_000_000
 """A publisher that sent a message within this time speaks."""
+PLAYERS: Final = (NODE_PLAYER, "rosbag2_player")
+"""Nodes that publish recordings: `hc replay`, `ros2 bag play`."""
 
 LARGEST_DEPTH = 2**31 - 1
 """Of a queue, in DDS."""
@@ -279,6 +282,12 @@ class Channel:
             self._work(time.perf_counter() + SLICE_S)
         except Exception as error:  # noqa: BLE001 - a task that raises ends this executor in a crash
             self._fail(error)
+
+
+def is_replayed(channels: Iterable[Channel]) -> bool:
+    """Whether all that is published on these topics comes out of recordings."""
+    names = [name for channel in channels for name in channel.publisher_names]
+    return bool(names) and all(name.rpartition("/")[2] in PLAYERS for name in names)
 
 
 def _came_ns(info: Mapping[str, Any]) -> int:

@@ -46,6 +46,7 @@ class SampleFlow:
     _suspicions: SuspicionWatch
     _zeros: ZeroSetting
     _diagnostics: DiagnosticsPublisher
+    _replayed = False  # what the input hears comes out of a recording
 
     def _configured(self) -> EstimationSession:
         assert self._session is not None
@@ -141,8 +142,8 @@ class SampleFlow:
     def _add_latency(self, latency_ns: int) -> None:
         assert self._status is not None
         self._status.latency.add(latency_ns)
-        # Samples may come out of a bag; sensors of a robot speak now.
-        live = self._settings.values["input.source"] in OWN_SENSORS
+        # Samples may come out of a bag; sensors of a robot speak now, unless a player does.
+        live = not self._replayed and self._settings.values["input.source"] in OWN_SENSORS
         self._suspicions.add_latency(latency_ns, live=live)
 
     def on_event(self, event: Event) -> None:
