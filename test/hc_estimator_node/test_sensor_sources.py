@@ -13,7 +13,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from scipy.spatial.transform import Rotation
 
-from hc_estimator.ros.channel import SubscriptionError
+from hc_estimator.ros.channel import SubscriptionError, idle_overrides
 from hc_estimator.ros.inputs import publisher_conflict
 from hc_estimator.ros.node_settings import NODE_SETTINGS
 from hc_estimator.ros.sensors import SensorInput
@@ -74,6 +74,21 @@ def transform(parent, child, stamp_ns, x=0.0, z=0.0):
     set_stamp(message.header.stamp, stamp_ns)
     message.transform.translation.x, message.transform.translation.z = x, z
     return message
+
+
+@pytest.mark.process
+def test_a_quality_of_service_of_another_topic_is_said_to_do_nothing(ros_domain):
+    """Regression: one without the leading / was passed over without a word."""
+    values = {name: setting.default for name, setting in NODE_SETTINGS.items()} | OF_TF
+    wrong = ("qos_overrides.ft_sensor/wrench.subscription.depth", OVERRIDE[:-1])
+    given = {wrong[0]: 50, wrong[1]: "reliable", OVERRIDE: "reliable"}
+    with (
+        running_node(ros_domain, **given) as (node, _executor),
+        closing(SensorInput(node, Receiver(), values)) as source,
+    ):
+        lines = idle_overrides(node, source.channels)
+    assert sorted(line.partition(" has no effect")[0] for line in lines) == sorted(wrong)
+    assert "of /ft_sensor/wrench and /tf" in lines[0]
 
 
 @pytest.mark.process

@@ -16,7 +16,12 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.parameter import Parameter
 
 from hc_estimator import Estimator, create_estimator
-from hc_estimator.ros.channel import QosOverrideError, SubscriptionError, is_replayed
+from hc_estimator.ros.channel import (
+    QosOverrideError,
+    SubscriptionError,
+    idle_overrides,
+    is_replayed,
+)
 from hc_estimator.ros.clock_jumps import watch_jumps
 from hc_estimator.ros.compilation import Compilation, all_filters, compile_all
 from hc_estimator.ros.event_log import EventLog
@@ -49,7 +54,7 @@ from hc_estimator.stream.suspicion_watch import SuspicionWatch
 from hc_estimator.stream.vocabulary import Cause, EventKind
 from hc_msgs_py.diagnostics import FEELS, DiagnosticsPublisher, Level, Status
 from hc_msgs_py.late_destruction import LateDestruction
-from hc_msgs_py.node_main import NodeStartError, run_node
+from hc_msgs_py.node_main import GivenWrongError, NodeStartError, run_node
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import NODE_ESTIMATOR
 
@@ -194,10 +199,12 @@ class EstimatorNode(SampleFlow, ServiceCalls, LateDestruction, LifecycleNode):  
         try:
             self._input = INPUTS[values["input.source"]](self, self, values)
             self._cannot_listen = ""
+            for line in idle_overrides(self, self._input.channels):
+                self.get_logger().warning(line)
         except SubscriptionError as error:
             self._cannot_listen = str(error)
             if isinstance(error, QosOverrideError):
-                self.on_failure(NodeStartError(str(error)))
+                self.on_failure(GivenWrongError(str(error)))
 
     def _stop_listening(self) -> None:
         self._wants_input = False

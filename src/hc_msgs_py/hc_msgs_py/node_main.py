@@ -46,6 +46,10 @@ class NodeStartError(Exception):
     """Why a node cannot start, in one line that says what to do."""
 
 
+class GivenWrongError(NodeStartError):
+    """The same of what a node was given, where that shows only when it is under way."""
+
+
 class Turn:
     """Ends a turn of the executor, in the place of the future that it waits for.
 
@@ -182,7 +186,7 @@ def run_node(
                     executor.spin_until_future_complete(turn, timeout_sec=SPIN_TIMEOUT_S)
         except (NodeStartError, RealtimeError) as error:
             print(_one_line(error), file=sys.stderr)  # noqa: T201
-            status = 1
+            status = 2 if isinstance(error, GivenWrongError) else 1
         except Exception as error:  # noqa: BLE001 - whatever it is, the node ends and says so
             print(_failure(error), file=sys.stderr)  # noqa: T201
             status = 1

@@ -10,6 +10,7 @@ diagnostics are answered however far behind the node is.
 from __future__ import annotations
 
 import copy
+import re
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
@@ -59,6 +60,12 @@ _OVERRIDES = QoSOverridingOptions(
     callback=_check_depth,
 )
 """What the parameters qos_overrides.TOPIC.subscription.* may change, as in every ROS 2 node."""
+_CHOICES: Final = {
+    "history": "keep_last or keep_all",
+    "reliability": "reliable or best_effort",
+    "durability": "volatile or transient_local",
+}
+_NO_CHOICE: Final = re.compile(r"policy `(\w+)`: `(.*)`")
 
 
 class SubscriptionError(Exception):
@@ -156,7 +163,7 @@ class Channel:
             ParameterException,
             InvalidQosOverridesError,
         ) as error:  # a parameter qos_overrides.*
-            raise QosOverrideError(f"cannot subscribe to {topic}: {error}") from error
+            raise QosOverrideError(f"cannot subscribe to {topic}: {_why_not(error)}") from error
         # rclpy's signature check would give a callback of this form the message alone.
         self._subscription._callback_type = Subscription.CallbackType.WithMessageInfo
         self.lines = PublisherLines(self._subscription.get_publisher_count)
@@ -174,6 +181,11 @@ class Channel:
     def waits(self) -> bool:
         """Whether a message was fetched and not handed on yet."""
         return bool(self._waiting)
+
+    @property
+    def full_name(self) -> str:
+        """The topic's name as the graph has it."""
+        return str(self._subscription.topic_name)
 
     @property
     def publishers(self) -> int:
@@ -194,7 +206,7 @@ class Channel:
     def publisher_names(self) -> list[str]:
         """Full names of the nodes that publish the topic, with another type in brackets."""
         names = []
-        for info in self._node.get_publishers_info_by_topic(self._subscription.topic_name):
+        for info in self._node.get_publishers_info_by_topic(self.full_name):
             name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
             names.append(
                 name if info.topic_type == self.type_name else f"{name} ({info.topic_type})"
@@ -282,6 +294,32 @@ class Channel:
             self._work(time.perf_counter() + SLICE_S)
         except Exception as error:  # noqa: BLE001 - a task that raises ends this executor in a crash
             self._fail(error)
+
+
+def _why_not(error: Exception) -> str:
+    """Say in the words of a user what rclpy says of a parameter qos_overrides.*."""
+    text = str(error)
+    if found := _NO_CHOICE.search(text):
+        policy, value = found.groups()
+        return f"{policy} is {value!r}, must be {_CHOICES.get(policy, 'another')}"
+    return text.rpartition("are not valid: ")[2]
+
+
+def idle_overrides(node: Node, channels: Iterable[Channel]) -> list[str]:
+    """Say of each parameter qos_overrides.* that was given, and that nothing asked for, what is.
+
+    Args:
+        node: the node, which listens by now.
+        channels: what it listens to.
+    """
+    topics = " and ".join(channel.full_name for channel in channels)
+    # rclpy offers no public way to ask for the overrides of parameters that nobody declares.
+    return [
+        f"{name} has no effect: the node asks for qos_overrides.TOPIC.subscription.POLICY of "
+        f"{topics}, with history, depth, reliability and durability"
+        for name in node._parameter_overrides
+        if name.startswith("qos_overrides.") and not node.has_parameter(name)
+    ]
 
 
 def is_replayed(channels: Iterable[Channel]) -> bool:
