@@ -98,6 +98,73 @@ def repeated(table, tmp_path_factory):
     return path
 
 
+def changes_alone(values, least):
+    """The last reading again and again, until one differs by so much."""
+    told = [values[0]]
+    for value in values[1:]:
+        told.append(value if abs(value - told[-1]) >= least else told[-1])
+    return np.array(told)
+
+
+def late(values, share, seed=5):
+    """The last reading again, where the next was not there in time."""
+    fresh = np.random.default_rng(seed).random(values.size) < share
+    fresh[0] = True
+    return values[np.maximum.accumulate(np.where(fresh, np.arange(values.size), 0))]
+
+
+UNEVEN = {
+    "positions, late": ("position", lambda values: late(values, 0.3)),
+    "forces, late": ("force", lambda values: late(values, 0.3)),
+    "positions, changes alone": ("position", lambda values: changes_alone(values, 0.03)),
+    "forces, changes alone": ("force", lambda values: changes_alone(values, 0.05)),
+}
+
+
+@pytest.mark.parametrize("what", UNEVEN)
+def test_readings_that_are_repeated_unevenly_count_once(table, tmp_path, capsys, what):
+    """Regression: K was 29 to 60 % off, and "relaxing or layered tissue" was all that was said."""
+    sensor, spoil = UNEVEN[what]
+    rows = np.loadtxt(table, delimiter=",", skiprows=1)[::2]  # positions of 250 Hz, at 500 Hz
+    generator = np.random.default_rng(6)
+    rows[:, 1] += 0.002 * generator.standard_normal(len(rows))
+    column = 1 if sensor == "position" else 2
+    rows[:, column] = spoil(rows[:, column])
+    path = tmp_path / "uneven.csv"
+    names = "time_s,displacement_mm,force_N"
+    np.savetxt(path, rows, delimiter=",", header=names, comments="", fmt="%.7f")
+    assert main(["estimate", str(path), "--json"]) == 0
+    said = capsys.readouterr()
+    name = "displacement" if sensor == "position" else "force"
+    assert f"the {name} repeats readings of" in said.err
+    for gaps in ("on average", "in bursts"):  # those that are left out are not missing
+        assert gaps not in said.err
+    summary = json.loads(said.out)
+    assert summary["parameters"]["stiffness"] == pytest.approx(K, rel=0.03)
+    assert summary["parameters"]["displacement_exponent"] == pytest.approx(1.5, rel=0.02)
+    status = main(["doctor", str(path), "--json", "--input", f"{sensor}.held=false"])
+    verdict = json.loads(capsys.readouterr().out)
+    assert status == 1
+    assert any("repeats its last reading in" in one["what"] for one in verdict["findings"])
+    named = [one["settings"] for one in verdict["findings"]]
+    assert next(s for s in named if s)[f"input.{sensor}.held"] is True
+    assert verdict["parameters"]["stiffness"] == pytest.approx(K, rel=0.03)
+
+
+def test_rows_that_only_repeat_are_gone(table, tmp_path, capsys):
+    """Regression: "rejected 5694 not_finite", of rows that nobody had found to be no numbers."""
+    rows = np.loadtxt(table, delimiter=",", skiprows=1)[::4]
+    for column in (1, 2):
+        rows[:, column] = late(rows[:, column], 0.3)
+    path = tmp_path / "both.csv"
+    names = "time_s,displacement_mm,force_N"
+    np.savetxt(path, rows, delimiter=",", header=names, comments="", fmt="%.7f")
+    assert main(["estimate", str(path), "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["samples"] < 600
+    assert summary["rejected"].get("not_finite", 0) == 0
+
+
 def test_each_reading_that_is_repeated_counts_once(repeated, capsys):
     assert main(["estimate", str(repeated), "--json"]) == 0
     said = capsys.readouterr()

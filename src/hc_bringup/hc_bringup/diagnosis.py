@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -100,6 +101,7 @@ def diagnose(
     surface_std_mm: float = 0.0,
     force_limit_n: float = math.inf,
     channel_delay: float | str = "auto",
+    counted_once: Collection[str] = (),
 ) -> Diagnosis:
     """Judge readings of both channels.
 
@@ -110,6 +112,7 @@ def diagnose(
         surface_std_mm: standard deviation of the position that displacements count from [mm].
         force_limit_n: the estimator's: forces beyond it are left out here as well [N].
         channel_delay: the estimator's: by how much the force is late [s], if it was told that.
+        counted_once: channels whose repeated readings were left out.
     """
     samples = Samples(
         np.asarray(time_s, np.float64),
@@ -131,7 +134,8 @@ def diagnose(
         doubts = [
             s
             for s in check_samples(
-                samples.time_s, samples.displacement_mm, samples.force_n, force_limit_n
+                *(samples.time_s, samples.displacement_mm, samples.force_n),
+                *(force_limit_n, counted_once),
             )
             if (s.check, s.channel, s.since_s, s.until_s) not in treated
         ]

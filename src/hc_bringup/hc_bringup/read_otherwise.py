@@ -217,13 +217,40 @@ def _range(values: Any) -> float:
 
 def each_once(recording: Any, settings: Mapping[str, Any]) -> Any:
     """Return a table without the readings that a channel only repeats, where one is said to."""
+    import numpy as np
+
     from hc_estimator.stream.repeats import once_each
 
     changed = {}
     for channel, column in (("position", "displacement_mm"), ("force", "force_n")):
         if settings.get(f"{channel}.held", False):
             changed[column] = once_each(recording.stamps, getattr(recording, column))
-    return dataclasses.replace(recording, **changed) if changed else recording
+    if not changed:
+        return recording
+    names = (column.partition("_")[0] for column in changed)
+    once = tuple(dict.fromkeys((*recording.findings.counted_once, *names)))
+    findings = recording.findings._replace(counted_once=once)
+    read = dataclasses.replace(recording, findings=findings, **changed)
+    lost = [np.isnan(new) & ~np.isnan(getattr(recording, name)) for name, new in changed.items()]
+    return less_empty(read, np.any(lost, axis=0))
+
+
+def less_empty(recording: Any, lost: Any) -> Any:
+    """Return a recording without the rows that hold no reading any more.
+
+    Args:
+        recording: hc_logger.recorded.Recording.
+        lost: which rows had one more, shape (n,).
+    """
+    import numpy as np
+
+    rows = ~(lost & np.isnan(recording.displacement_mm) & np.isnan(recording.force_n))
+    if rows.all():
+        return recording
+    columns = ("time_s", "stamps", "sequence", "displacement_mm", "force_n")
+    return dataclasses.replace(
+        recording, **{name: getattr(recording, name)[rows] for name in columns}
+    )
 
 
 def surface_note(found: Any, surface_mm: float) -> str:

@@ -104,6 +104,7 @@ def less_interpolated(recording: Any) -> Any:
     """
     import numpy as np
 
+    from hc_bringup.read_otherwise import less_empty
     from hc_estimator.stream.interpolated import find_interpolation
 
     changed, notes = {}, []
@@ -126,11 +127,7 @@ def less_interpolated(recording: Any) -> Any:
     if not changed:
         return recording
     read = _noted(dataclasses.replace(recording, **changed), notes)
-    rows = ~(lost & np.isnan(read.displacement_mm) & np.isnan(read.force_n))
-    if rows.all():
-        return read
-    columns = ("time_s", "stamps", "sequence", "displacement_mm", "force_n")
-    return dataclasses.replace(read, **{name: getattr(read, name)[rows] for name in columns})
+    return less_empty(read, lost)
 
 
 def _noted(recording: Any, notes: list[str]) -> Any:

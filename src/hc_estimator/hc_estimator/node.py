@@ -41,7 +41,7 @@ from hc_estimator.ros.sample_flow import SampleFlow
 from hc_estimator.ros.service_calls import ServiceCalls
 from hc_estimator.ros.services import NotPossibleError
 from hc_estimator.ros.settings import Change, Settings
-from hc_estimator.ros.settings_meaning import session_settings
+from hc_estimator.ros.settings_meaning import counted_once, session_settings
 from hc_estimator.ros.sources import INPUTS
 from hc_estimator.ros.state_keeper import StateKeeper, parameters_of
 from hc_estimator.ros.status import StatusReporter
@@ -300,6 +300,7 @@ class EstimatorNode(SampleFlow, ServiceCalls, LateDestruction, LifecycleNode):  
         self._silent = self._session.watch.silent
         limit_n = self._session.estimator.configuration["force_limit"]
         self._suspicions.force_limit_n = float(limit_n)
+        self._suspicions.counted_once = counted_once(self._settings.values)
         for suspicion in self._suspicions.look(time.monotonic()):
             self._session.report(EventKind.INPUT_SUSPECT, suspicion.sentence)
         if failure := self._suspicions.failure:

@@ -83,6 +83,7 @@ class Findings(NamedTuple):
         backward: rows with a time before that of the row before.
         problems: what of a bag could not be read, one line each.
         notes: what else one should know, one line each.
+        counted_once: channels ("displacement", "force") whose repeated readings were left out.
     """
 
     not_finite: int
@@ -92,6 +93,7 @@ class Findings(NamedTuple):
     notes: tuple[str, ...] = ()
     force_alone: int = 0
     displacement_alone: int = 0
+    counted_once: tuple[str, ...] = ()
 
     def lines(self) -> list[str]:
         """Return one line for each finding, none for a clean recording."""

@@ -192,6 +192,9 @@ def read_sensors(
     if not samples:
         why = "; ".join(problems) or "there is no reading of one of them at the time of the other"
         raise BagError(f"{path}: {force_topic} and {position_topic} give no sample: {why}")
+    once = tuple(
+        name for name, sensor in (("displacement", position), ("force", force)) if sensor.held
+    )
     notes = [
         f"force along {force.axis} of {force_topic}, displacement of {position_topic}"
         f"{words}: mind their signs and zeros"
@@ -209,7 +212,9 @@ def read_sensors(
         np.array([s.sequence for s in samples], np.uint64),
         np.ascontiguousarray(rows[:, 0]),
         np.ascontiguousarray(rows[:, 1]),
-        findings_of(rows, np.diff(stamps), tuple(problems))._replace(notes=tuple(notes)),
+        findings_of(rows, np.diff(stamps), tuple(problems))._replace(
+            notes=tuple(notes), counted_once=once
+        ),
     )
 
 

@@ -60,6 +60,9 @@ def run(arguments: argparse.Namespace) -> int:
         rows, settings, type_it = heard.rows, heard.settings, _for_node(node)
         surface_std_mm, force_limit_n = heard.surface_std_mm, heard.force_limit_n
         channel_delay = heard.channel_delay
+        from hc_estimator.ros.settings_meaning import counted_once
+
+        once = counted_once(settings, prefix="")
         where = f"node {node}, {seconds:g} s"
     else:
         for name in ("node", "seconds"):
@@ -84,6 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
                 notes = (*notes, line)
         rows = (recording.time_s, recording.displacement_mm, recording.force_n)
         surface_std_mm, force_limit_n = recording.surface_std_mm, math.inf
+        once = recording.findings.counted_once
         channel_delay = recording_input.known_delay(arguments, recording)
         changes = recording.reading_changes
         if changes:
@@ -106,7 +110,7 @@ def run(arguments: argparse.Namespace) -> int:
         table = arguments.input not in (None, "live") and not recording.is_bag
         notes = (*notes, recording_input.assumed_line(rows[1], rows[2], table=table))
         heartbeat.doing("estimating, and looking for what is wrong")
-        diagnosis = diagnose(*rows, surface_std_mm, force_limit_n, channel_delay)
+        diagnosis = diagnose(*rows, surface_std_mm, force_limit_n, channel_delay, once)
         of_effort = settings.get("source") == "effort"
         findings += [_of_one_message(f) if of_effort else f for f in diagnosis.findings]
         if arguments.input in (None, "live"):

@@ -168,6 +168,11 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
     diagnosis = diagnose(
         *(found.time_s, found.displacement_mm, found.force_n),
         surface_std_mm=0.0 if math.isnan(known_mm) else known_mm,
+        counted_once=[
+            name
+            for name, sensor in (("displacement", found.position), ("force", found.force))
+            if sensor.held
+        ],
     )
     heartbeat.nothing()
     corrections: dict[str, Any] = {}

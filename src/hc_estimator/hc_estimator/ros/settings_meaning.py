@@ -163,6 +163,22 @@ def sensor_mapping(values: Mapping[str, Any], sensor: str) -> AxisMapping:
     )
 
 
+def counted_once(values: Mapping[str, Any], prefix: str = "input.") -> tuple[str, ...]:
+    """Return the channels whose repeated readings an input of sensors leaves out.
+
+    Args:
+        values: settings of the node.
+        prefix: what their names begin with.
+    """
+    channels = {"displacement": "position", "force": "force"}
+    of_sensors = values.get(f"{prefix}source") == "sensors"
+    return tuple(
+        channel
+        for channel, sensor in channels.items()
+        if of_sensors and values.get(f"{prefix}{sensor}.held", False)
+    )
+
+
 def session_settings(values: Mapping[str, Any]) -> SessionSettings:
     """Return the session's part of the settings."""
     return SessionSettings(

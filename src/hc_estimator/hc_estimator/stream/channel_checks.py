@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hc_estimator.stream.readings import (
     LEAST_SAMPLES,
@@ -14,6 +15,7 @@ from hc_estimator.stream.readings import (
     robust_range,
     runs,
 )
+from hc_estimator.stream.repeats import LONGEST_S
 from hc_estimator.stream.stamp_checks import rate_of
 
 
@@ -66,27 +68,65 @@ _STANDING_SHARE = 0.05
 
 
 def held(readings: Readings) -> tuple[str, float]:
-    """A channel that is repeated at a higher rate than it is measured at.
+    """A channel that is repeated at a higher rate than it is measured at, or until it changes.
 
     Returns:
-        The sentence, and how many samples hold the same reading; empty and NaN for none such.
+        The sentence, and how many samples hold the same reading, on average where they are not
+        always as many; empty and NaN for none such.
     """
     name, _unit, time_s, values = readings
-    _starts, lengths = runs(values)
+    starts, lengths = runs(values)
     inner = lengths[1:-1]
-    if len(inner) < 20:
+    if len(inner) < _FEWEST_REPEATED:
         return "", math.nan
     usual = float(np.median(inner))
-    regular = np.mean((inner > 0.5 * usual) & (inner < 1.5 * usual))
-    if usual < 2.0 or regular < 0.8 or _step(values) > 0.0:
+    even = usual >= 2.0 and np.mean((inner > 0.5 * usual) & (inner < 1.5 * usual)) >= 0.8
+    share = 0.0 if even else _repeated_unevenly(readings, starts, lengths)
+    if not (even or share) or _step(values) > 0.0:
         return "", math.nan
     rate = rate_of(time_s)
     setting = "force" if name == "force" else "position"
+    if not even:
+        return (
+            f"the {name} repeats its last reading in {100 * share:.0f} % of the samples, unevenly, "
+            "as a driver does that tells changes alone or was not told in time: count each reading "
+            f"once ({setting}.held)"
+        ), 1.0 / (1.0 - share)
     sentence = (
         f"the {name} changes only once in {usual:.0f} samples: it comes at {rate / usual:.4g} "
         f"Hz, not at {rate:.4g} Hz; count each reading once ({setting}.held)"
     )
     return sentence, usual
+
+
+_FEWEST_REPEATED = 20
+_REPEATED, _BEYOND, _SIZES = 0.3, 10.0, 10
+"""Share of the samples, and of the readings, that are repeated; by how many of the finest steps a
+new reading is another one then, and of how many sizes: a coarse sensor goes on by its step."""
+
+
+def _repeated_unevenly(
+    readings: Readings, starts: NDArray[np.int64], lengths: NDArray[np.int64]
+) -> float:
+    """Return the share of the samples that repeat a reading of a tool that moves; 0 for few.
+
+    Args:
+        readings: of one channel.
+        starts: of the runs of equal values.
+        lengths: of these.
+    """
+    _name, _unit, time_s, values = readings
+    stays = np.diff(time_s[starts]) < LONGEST_S  # else the tool rests, or the sensor
+    held_for = lengths[:-1][stays]
+    again = held_for > 1
+    share = 1.0 - len(held_for) / max(int(held_for.sum()), 1)
+    if np.count_nonzero(again) < max(_FEWEST_REPEATED, _REPEATED * len(again)) or share < _REPEATED:
+        return 0.0
+    jumps = np.abs(np.diff(values[starts]))[stays][again]
+    usual = float(np.median(jumps))
+    finest = float(np.quantile(np.diff(np.unique(values)), 0.05))
+    sizes = len(np.unique(np.round(1e3 * jumps / usual)))
+    return share if usual > _BEYOND * finest and sizes >= _SIZES else 0.0
 
 
 def _step(values: FloatArray) -> float:

@@ -9,6 +9,7 @@ passes them may still be wrong, what does not is worth a look.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 
 import numpy as np
 
@@ -52,6 +53,7 @@ def check_samples(
     displacement_mm: FloatArray,
     force_n: FloatArray,
     force_limit_n: float = math.inf,
+    counted_once: Collection[str] = (),
 ) -> list[Suspicion]:
     """Check a recording of both channels at common times.
 
@@ -60,13 +62,14 @@ def check_samples(
         displacement_mm: penetration [mm], shape (samples,); NaN where there is no reading.
         force_n: contact force [N], shape (samples,); NaN where there is no reading.
         force_limit_n: the estimator's; a range of the sensor that ends beyond it does no harm.
+        counted_once: channels ("displacement", "force") whose repeated readings were left out.
 
     Returns:
         What is suspicious, the most fundamental first; empty for readings that may be right.
     """
     displacement = usable("displacement", "mm", time_s, displacement_mm)
     force = usable("force", "N", time_s, force_n)
-    result = check_channels(displacement, force, force_limit_n)
+    result = less_gaps(check_channels(displacement, force, force_limit_n), counted_once)
     with np.errstate(all="ignore"):
         wrong = exchanged(*_at_common_times(displacement, force))
     of_both = check_both(time_s, displacement_mm, force_n)
@@ -78,6 +81,16 @@ def check_samples(
         of_both = [s for s in of_both if s.check is not Check.RATE]
     order = list(Check)
     return sorted((*result, *of_both), key=lambda s: order.index(s.check))
+
+
+def less_gaps(suspicions: list[Suspicion], counted_once: Collection[str]) -> list[Suspicion]:
+    """Return the suspicions without rates of channels that have gaps on purpose.
+
+    Args:
+        suspicions: of both channels.
+        counted_once: channels whose repeated readings were left out.
+    """
+    return [s for s in suspicions if s.check is not Check.RATE or s.channel not in counted_once]
 
 
 def check_channels(

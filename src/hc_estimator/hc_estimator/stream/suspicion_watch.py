@@ -14,7 +14,7 @@ from array import array
 import numpy as np
 
 from hc_estimator.stream.readings import Parts, Readings, Suspicion, usable
-from hc_estimator.stream.sanity import check_in_parts
+from hc_estimator.stream.sanity import check_in_parts, less_gaps
 from hc_estimator.stream.stamp_watch import StampWatch
 
 KEPT = 4096
@@ -56,6 +56,7 @@ class SuspicionWatch:
     Attributes:
         suspicions: what is suspicious now.
         force_limit_n: the estimator's, see `check_samples`.
+        counted_once: channels whose repeated readings are left out, see there.
         failure: why the last look came to nothing, empty if it did not: estimates do not depend on
             looking, so it ends nothing.
     """
@@ -63,6 +64,7 @@ class SuspicionWatch:
     def __init__(self) -> None:
         self.suspicions: list[Suspicion] = []
         self.force_limit_n = math.inf
+        self.counted_once: tuple[str, ...] = ()
         self.failure = ""
         self._parts: Parts[list[Suspicion]] | None = None
         self._found: list[Suspicion] | None = None
@@ -106,6 +108,7 @@ class SuspicionWatch:
         new: list[Suspicion] = []
         if self._found is not None:
             found, self._found = self._found, None
+            found = less_gaps(found, self.counted_once)
             new = self._weigh([*found, *self._stamps.take(now_s)])
         count = self._displacement.count + self._force.count
         if not self.looking and now_s >= self._next_s and count > self._looked_at:
