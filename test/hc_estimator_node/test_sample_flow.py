@@ -50,6 +50,10 @@ def test_zeros_that_were_taken_off_are_not_recorded_to_be_taken_off_again(source
     # Samples that are less a compliance look like any others: it is said.
     already = {"input.position.frame_compliance.taken_off": 0.002}
     assert flow.said == [already if own else ZEROS]
+    flow._settings.values |= {"input.position.held": True, "input.force.held": False}
+    flow.on_revision(Revision(2, 0, 0, Cause.RESET))
+    held = {"input.position.held": True} if source == "sensors" else {}
+    assert flow.said[1] == (already | held if own else ZEROS)
     flow._add_latency(5)
     assert flow.ages == [bool(own)]  # sensors speak now, samples may come out of a bag
 

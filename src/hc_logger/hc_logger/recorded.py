@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_estimator.stream import repeats
 from hc_estimator.stream.frame_compliance import TAKEN_OFF_ALREADY
 from hc_estimator.stream.vocabulary import CHANNEL_DELAY, CONTACT_POSITION_STD
 from hc_logger.bag import Bag
@@ -244,6 +245,21 @@ class Recording:
         if not self.is_bag or not self.configurations:
             return 0.0
         return float(self.configurations[-1].parameters.get(TAKEN_OFF_ALREADY, 0.0))
+
+    @cached_property
+    def counted_once(self) -> tuple[str, ...]:
+        """Channels ("displacement", "force") whose repeated readings were left out.
+
+        When it was read, or by the node that made the samples, as it was set last.
+
+        Raises:
+            BagError: if the bag has several topics of configurations.
+        """
+        once = self.findings.counted_once
+        if self.is_bag and self.configurations:
+            given = self.configurations[-1].parameters
+            once += tuple(channel for channel, name in repeats.SETTINGS.items() if given.get(name))
+        return once
 
     def _bag(self) -> Bag:
         if not self.is_bag:

@@ -23,7 +23,7 @@ from hc_estimator import (
     create_estimator,
     parameter_specifications,
 )
-from hc_estimator.stream import frame_compliance
+from hc_estimator.stream import frame_compliance, repeats
 from hc_estimator.stream.frame_compliance import TAKEN_OFF_ALREADY, FrameCompliance
 from hc_estimator.stream.handover import hand_over
 from hc_estimator.stream.in_pieces import run_in_pieces
@@ -268,7 +268,10 @@ def _kind(configuration: RecordedConfiguration) -> tuple[str, str, str]:
 
 def _parameters(configuration: RecordedConfiguration) -> dict[str, Any]:
     """Return the estimator's own parameters, without the input's and a loaded state."""
-    others = (FORCE_ZERO, POSITION_ZERO, FRAME_COMPLIANCE, TAKEN_OFF_ALREADY, LOADED_STATE)
+    others = (
+        *(FORCE_ZERO, POSITION_ZERO, FRAME_COMPLIANCE, TAKEN_OFF_ALREADY, LOADED_STATE),
+        *repeats.SETTINGS.values(),
+    )
     return {n: v for n, v in configuration.parameters.items() if n not in others}
 
 

@@ -279,7 +279,7 @@ def _estimated(task: Task, variant: Variant, recording: Any, name: Path) -> dict
     times, displacements, forces = recording.time_s, recording.displacement_mm, recording.force_n
     summary = summarise(estimator, recording, series, math.nan)
     limit_n = float(estimator.configuration["force_limit"])
-    once = recording.findings.counted_once
+    once = recording.counted_once
     suspicions = check_samples(times, displacements, forces, limit_n, once)
     # A law that hardly fits is in the row's mismatch_share; a channel that is turned is no result.
     reason = why_unusable((s.check.value for s in suspicions), math.nan) or why_no_result(summary)

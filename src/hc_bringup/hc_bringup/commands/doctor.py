@@ -87,7 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
                 notes = (*notes, line)
         rows = (recording.time_s, recording.displacement_mm, recording.force_n)
         surface_std_mm, force_limit_n = recording.surface_std_mm, math.inf
-        once = recording.findings.counted_once
+        once = recording.counted_once
         channel_delay = recording_input.known_delay(arguments, recording)
         changes = recording.reading_changes
         if changes:

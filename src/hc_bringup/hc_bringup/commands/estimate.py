@@ -69,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
             recording.displacement_mm,
             recording.force_n,
             estimator.configuration["force_limit"],
-            recording.findings.counted_once,
+            recording.counted_once,
         ),
         changes,
         origin_ns,

@@ -11,6 +11,7 @@ from rclpy.exceptions import InvalidTopicNameException
 from rclpy.validate_topic_name import validate_topic_name
 
 from hc_estimator.ros.node_settings import MISSING_READINGS
+from hc_estimator.stream import repeats
 from hc_estimator.stream.contact_frame import (
     ContactFrame,
     Payload,
@@ -170,12 +171,12 @@ def counted_once(values: Mapping[str, Any], prefix: str = "input.") -> tuple[str
         values: settings of the node.
         prefix: what their names begin with.
     """
-    channels = {"displacement": "position", "force": "force"}
-    of_sensors = values.get(f"{prefix}source") == "sensors"
+    if values.get(f"{prefix}source") != "sensors":
+        return ()
     return tuple(
         channel
-        for channel, sensor in channels.items()
-        if of_sensors and values.get(f"{prefix}{sensor}.held", False)
+        for channel, name in repeats.SETTINGS.items()
+        if values.get(f"{prefix}{name.removeprefix('input.')}", False)
     )
 
 

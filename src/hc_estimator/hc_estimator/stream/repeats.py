@@ -8,7 +8,7 @@ every so often a repeated one counts, or the other sensor would be alone.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 LONGEST_S = 0.09
 """A reading that stays for so long counts again: the tool rests. Below `input.pairing.maximum_gap`,
 beyond which readings of the other sensor are dropped."""
+SETTINGS: Final = {"displacement": "input.position.held", "force": "input.force.held"}
+"""Setting of a node by which the repeated readings of a channel are left out. Where it does so the
+configuration of its estimates says it, beside the estimator's own settings."""
 SHARE = 0.9
 """Of a maximum gap: how long a reading counts at most."""
 
