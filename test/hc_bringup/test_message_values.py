@@ -34,6 +34,8 @@ def test_nested_fields_lists_and_messages_in_lists() -> None:
     ("message", "values", "line"),
     [
         (PoseStamped, {"pose": {"place": {}}}, "no field pose.place; fields there: position, orie"),
+        (PoseStamped, {"pose:3": None}, r"no field pose:3 \(a space is missing: pose: 3\); fields"),
+        (PoseStamped, {"poses:3": None}, "no field poses:3; fields"),
         (PoseStamped, {"pose": 3}, "pose: 3 is no geometry_msgs/Pose"),
         (PoseStamped, {"header": {"stamp": {"sec": "now"}}}, "header.stamp.sec: 'now' is no int32"),
         (PoseStamped, {"header": {"stamp": {"nanosec": -1}}}, "nanosec: -1 is no uint32"),

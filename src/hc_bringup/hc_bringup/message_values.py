@@ -39,7 +39,9 @@ def fill(message: Any, values: dict[str, Any], path: str = "") -> None:
         full = f"{path}.{name}" if path else str(name)
         if name not in types:
             known = ", ".join(types) or "none"
-            raise UserError(f"there is no field {full}; fields there: {known}", WRONG_USE)
+            field, colon, rest = str(name).partition(":")
+            hint = f" (a space is missing: {field}: {rest})" if colon and field in types else ""
+            raise UserError(f"there is no field {full}{hint}; fields there: {known}", WRONG_USE)
         try:
             setattr(message, name, _converted(types[name], getattr(message, name), value, full))
         except (AssertionError, TypeError, ValueError, OverflowError) as error:

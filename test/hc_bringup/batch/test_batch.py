@@ -334,6 +334,7 @@ def test_wrong_use_is_one_line(
     good = (str(folder), "-o", str(target))
     for words, says in (
         ((str(folder / "none*.csv"), "-o", str(target)), "names no recording"),
+        ((str(folder / "none"), "-o", str(target)), "none does not exist"),
         ((str(folder), "-o", str(folder)), "is in the folder of the results: choose another one"),
         ((str(folder), "-o", str(tmp_path / "full")), "holds something else"),
         ((str(folder), "-o", str(tmp_path / "full"), "--resume"), "holds something else"),

@@ -32,6 +32,21 @@ def test_files_with_other_endings_are_not_left_out_silently(
     assert "'**/*.lvm'" in said
 
 
+def test_what_has_to_be_unpacked_is_not_said_to_be_taken_by_a_pattern(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: "others by a pattern in quotes: '**/*.zst'", by which not one had a result."""
+    folder = tmp_path / "study"
+    folder.mkdir()
+    for name in ("a.csv", "b.csv.zst"):
+        (folder / name).write_text("time_s,displacement_mm,force_N\n0,0,0\n")
+    main(["batch", str(folder), "--filter", "ukf", "-o", str(tmp_path / "results"), "-j", "1"])
+    said = " ".join(capsys.readouterr().err.split())
+    assert "left out for their ending: 1 (such as b.csv.zst)" in said
+    assert ".zst when it is unpacked (unzstd)" in said
+    assert "pattern" not in said
+
+
 def test_a_folder_is_walked_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Once for the recordings and once more for what is left out: minutes on a slow disk."""
     (tmp_path / "a.csv").write_text("time_s,displacement_mm,force_N\n0,0,0\n")

@@ -73,6 +73,8 @@ def find_recordings(patterns: Sequence[str], besides: Path) -> Found:
                 WRONG_USE,
             )
         if not some:
+            if not os.path.lexists(pattern) and not any(sign in pattern for sign in "*?["):
+                raise UserError(f"{pattern} does not exist", WRONG_USE)
             raise UserError(f"{pattern} names no recording (CSV, .mcap or bag folder)", WRONG_USE)
         found |= some
     return Found(

@@ -7,7 +7,7 @@ import contextlib
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +79,18 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
 
 
+def _what_to_do(others: Sequence[Path]) -> str:
+    """Say how files of other endings are taken; some are not before they are unpacked."""
+    from hc_logger.compressions import BY_SUFFIX, COMPRESSIONS
+
+    packed = {one.suffix: one.unpack for one in COMPRESSIONS if one.suffix not in BY_SUFFIX}
+    readable = [path.suffix for path in others if path.suffix not in packed]
+    ways = [f"others by a pattern in quotes: '**/*{suffix}'" for suffix in readable[:1]]
+    there = {path.suffix for path in others}
+    ways += [f"{end} when it is unpacked ({way})" for end, way in packed.items() if end in there]
+    return ", ".join(ways)
+
+
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from hc_bringup.batch.campaign import Campaign
@@ -105,7 +117,7 @@ def run(arguments: argparse.Namespace) -> int:
         names = ", ".join(sorted({path.name for path in others})[:3])
         line = (
             f"left out for their ending: {len(others)} (such as {names}); of a folder .csv, .tsv, "
-            f".mcap and bags are taken, others by a pattern in quotes: '**/*{others[0].suffix}'"
+            f".mcap and bags are taken, {_what_to_do(others)}"
         )
         print(wrapped(line, stream=sys.stderr), file=sys.stderr, flush=True)
     ways = variants(arguments, arguments.sweep)
