@@ -27,14 +27,18 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--loop", action="store_true", help="start again at the end, until Ctrl-C")
     parser.add_argument(
-        "--start", type=seconds, default=0.0, metavar="S", help="begin S s after the first sample"
+        "--start",
+        type=seconds,
+        default=0.0,
+        metavar="S",
+        help="begin S s after the first sample (default: with what lies before it, too)",
     )
     parser.add_argument(
         "--duration",
         type=seconds,
         default=0.0,
         metavar="S",
-        help="play S s from there (0: to the end)",
+        help="end S s after that, or after the first sample (0: at the end of the bag)",
     )
     parser.add_argument("--estimator", action="store_true", help="start a fresh estimator beside")
     parser.add_argument("--filter", metavar="F", help="the same, with this filter")
