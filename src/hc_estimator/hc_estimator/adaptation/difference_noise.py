@@ -84,6 +84,8 @@ EVEN = 1e-3
 # Time that nine readings may take, over that of as many even ones: over more, motion leaks in.
 LONGEST = 1.3
 UNEVEN = 0.5  # a step that differs by no more than this share from the usual one is a usual one
+# A reading is missing where so many of the latest steps are shorter than this one by a factor.
+GAP, SHORTER = 1.8, 3
 LONG_STEP = 4.0  # from so many usual steps on, a step is a gap
 SAME_TIME = 1e-3  # a step of less than this share of the usual one is none
 SCATTERED = 2  # in jumped, until the next reading
@@ -159,9 +161,15 @@ def uneven_variance_of(times: Any, readings: Any) -> float:
 
 @compiled
 def follows(channel: Any) -> bool:
-    """True if the last reading is about as long after the one before as is usual."""
-    step = channel.times[ORDER] - channel.times[ORDER - 1]
-    return bool(channel.readings_count > 1 and abs(step - channel.step) <= UNEVEN * channel.step)
+    """True if no reading is missing between the last one and the one before."""
+    if channel.readings_count <= 1 or channel.even_count > ORDER:
+        return bool(channel.readings_count > 1)
+    times, shorter = channel.times, 0
+    step = times[ORDER] - times[ORDER - 1]
+    for k in range(ORDER + 2 - channel.readings_count, ORDER):
+        if GAP * (times[k] - times[k - 1]) < step:
+            shorter += 1
+    return bool(shorter < SHORTER and abs(step - channel.step) <= UNEVEN * channel.step)
 
 
 @compiled

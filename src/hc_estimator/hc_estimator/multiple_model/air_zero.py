@@ -7,7 +7,8 @@ and the force stays the same while the tool travels, for as long as it is outsid
 several visits count together until their mean is significantly none: of taps that are outside for
 80 ms each, and go no further than half a millimetre, as well. Then it is the zero from now
 on; what was felt since the zero was known last has its share of it, by the time, and if it never
-was, all of it: a sensor that nobody tared was off from the start.
+was, all of it: a sensor that nobody tared was off from the start. Where a driver tared meanwhile
+it is a step; what did not fit since was that, and no error of the law.
 
 Not where the force changes with the place, or scatters more than the sensor does: the surface may
 have moved, or the force may be late. (Ours; `contact_onset` does the same before the first touch.)
@@ -31,12 +32,15 @@ from hc_estimator.multiple_model.air_window import (
 )
 from hc_estimator.multiple_model.contact_onset import CAME_DOWN, LEAST_DISTANCE, SURE
 from hc_estimator.multiple_model.hypotheses import DEPTH, SURFACE, VELOCITY
+from hc_estimator.multiple_model.model_error import forget_misfit
+from hc_estimator.multiple_model.records import STEPPED
 
 SURELY = 3.0  # deviations of the depth
 TOUCHED = 1.0  # time in contact after which the first touch is over [s]
 SETTLING = 0.06  # time outside that is left to a force that is late, or to what sticks [s]
 FINER = 0.5  # of a deviation at which a mean takes its place
 LONGEST = 1.0  # of readings that are judged together [s]
+AWAY = 4.0  # deviations of a reading from those before it, from which on it may be another zero
 FORGETTING = 10.0  # time outside after which a mean begins anew [s]
 
 
@@ -46,6 +50,9 @@ def reset(air: Any) -> None:
     air.outside = 0.0
     air.travelled = 0
     air.known_at = math.nan
+    air.confirmed = 0
+    air.latest_rate = 0.0
+    air.rate = 0.0
     _forget(air)
     _begin(air)
 
@@ -62,6 +69,7 @@ def _forget(air: Any) -> None:
 def _begin(air: Any) -> None:
     """Begin another stretch outside."""
     air.time = 0.0
+    air.away = 0
     air_window.clear(air.window)
 
 
@@ -101,9 +109,26 @@ def learn(settings: Any, bank: Any, time: float) -> None:
     air.time += clock.elapsed
     air.place_variance = row.covariance[DEPTH, DEPTH]
     if clock.present[1] != 0:
-        air_window.add(air.window, depth, clock.measurement[1])
+        _take(bank, time, depth)
     if air.time >= LONGEST:
         _conclude(bank, time)
+
+
+@compiled
+def _take(bank: Any, time: float, depth: float) -> None:
+    """Take a force outside; several on end that are another one begin another stretch."""
+    air, force = bank.air, bank.clock.measurement[1]
+    off = force - air.window.mean[1]
+    if air.window.count >= FEWEST and off * off > AWAY**2 * bank.sensor_noise[1]:
+        above = 1 if off > 0.0 else -1
+        air.away = air.away + above if air.away * above > 0 else above
+        if abs(air.away) < STEPPED:
+            return
+        _conclude(bank, time)
+        _begin(air)
+        force = bank.clock.measurement[1]
+    air.away = 0
+    air_window.add(air.window, depth, force)
 
 
 @compiled
@@ -156,18 +181,35 @@ def _conclude(bank: Any, time: float) -> None:
         level, deviation = air.sum / air.seen, math.sqrt(variance * count / air.seen)
         moves = abs(level) > max(SIGNIFICANT * deviation, SMALLEST_ZERO * math.sqrt(noise[1]))
         finer = not moves and deviation < FINER * bank.onset.force_deviation
+        seen_before = bank.onset.in_air != 0 or air.confirmed != 0
+        step = abs(level) > SURE * math.sqrt(noise[1])
         if moves or finer:
-            seen_before = bank.onset.in_air != 0
+            _note_rate(air, level if moves and seen_before else 0.0, time)
             _move(bank, level, deviation)
             if finer or not seen_before:
                 histories.move(bank.history, 0.0, level, 0.0, 0.0)
             # A step is more likely to have come while nobody touched anything.
-            elif abs(level) <= SURE * math.sqrt(noise[1]):
+            elif not step:
                 histories.move(bank.history, 0.0, level, air.known_at, time)
+            if step:  # what did not fit meanwhile was this
+                for m in range(bank.rows.shape[0]):
+                    forget_misfit(bank.rows[m])
+        else:
+            air.confirmed = 1
         if moves or finer or air.seen_time > FORGETTING:
-            air.known_at = time
+            air.known_at = time - 0.5 * air.seen_time  # where a zero that drifts is its mean
             _forget(air)
     _begin(air)
+
+
+@compiled
+def _note_rate(air: Any, level: float, time: float) -> None:
+    """Note how fast the zero has moved since it was known [N/s]; a single step is no drift."""
+    elapsed = time - air.known_at
+    rate = level / elapsed if elapsed > 0.0 else 0.0
+    same_way = rate * air.latest_rate > 0.0
+    air.rate = min(abs(rate), abs(air.latest_rate)) if same_way else 0.0
+    air.latest_rate = rate
 
 
 @compiled

@@ -20,6 +20,7 @@ from typing import Any
 
 from hc_estimator.adaptation import difference_noise
 from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import clear_matrix
 from hc_estimator.multiple_model.hypotheses import COUNTS, LOG_STIFFNESS
 from hc_estimator.multiple_model.kalman import depth_of
 from hc_estimator.multiple_model.records import ALARM_DELAY
@@ -67,6 +68,14 @@ def raise_model_error(settings: Any, row: Any, sensor_noise: float) -> None:
     """Answer an alarm that is no change of the tissue."""
     noise = sensor_noise + row.model_error
     set_model_error(settings, row, row.model_error + RAISE * noise, sensor_noise)
+
+
+@compiled
+def forget_misfit(row: Any) -> None:
+    """What did not fit has been found, and is no error of the law."""
+    row.model_error = 0.0
+    row.alarm_sum = 0.0
+    clear_matrix(row.alarm_line)
 
 
 @compiled

@@ -332,12 +332,17 @@ ONSET = record_type(
     )
 )
 
+STEPPED = 5  # readings in the air on end that are another zero (`air_zero`)
 # What does the force read in the air by now?
 AIR = record_type(
     (
         Field("outside", np.float64, (), 0.0),  # time since the tool left [s]
         Field("travelled", np.int64, (), 0, 1),  # 1 once the force stayed the same on the way there
         Field("known_at", np.float64, (), finite=False),  # time at which the zero was seen [s]
+        Field("confirmed", np.int64, (), 0, 1),  # 1 once it was seen to be what it was said to be
+        # By how much it moved meanwhile [N/s]: the latest, and what the last two have in common.
+        Field("latest_rate", np.float64, (), 0.0),
+        Field("rate", np.float64, (), 0.0),
         # Of readings outside, in stretches that were judged:
         Field("seen", np.int64, (), 0),
         Field("seen_time", np.float64, (), 0.0),  # that they span [s]
@@ -346,6 +351,7 @@ AIR = record_type(
         Field("time", np.float64, (), 0.0),  # that they span [s]
         Field("place_variance", np.float64, (), 0.0),  # of the latest [mm^2]
         Field("window", WINDOW),
+        Field("away", np.int64, (), -STEPPED, STEPPED),  # readings on end that are above or below
     )
 )
 
