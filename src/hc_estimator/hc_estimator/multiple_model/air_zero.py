@@ -21,7 +21,7 @@ from typing import Any
 
 from hc_estimator.adaptation import noise_color
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import air_window, place_delay, zero_moves
+from hc_estimator.multiple_model import air_window, place_delay, zero_drift, zero_moves
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.air_window import (
     FEWEST,
@@ -51,8 +51,6 @@ def reset(air: Any) -> None:
     air.travelled = 0
     air.known_at = math.nan
     air.confirmed = 0
-    air.latest_rate = 0.0
-    air.rate = 0.0
     _forget(air)
     _begin(air)
 
@@ -90,6 +88,7 @@ def learn(settings: Any, bank: Any, time: float) -> None:
         return
     if math.isnan(air.known_at):
         air.known_at = time
+    zero_drift.go_on(bank, time)
     if clock.restart != 0:
         air.outside = 0.0
         air.travelled = 0
@@ -183,8 +182,8 @@ def _conclude(bank: Any, time: float) -> None:
         finer = not moves and deviation < FINER * bank.onset.force_deviation
         seen_before = bank.onset.in_air != 0 or air.confirmed != 0
         step = abs(level) > SURE * math.sqrt(noise[1])
+        seen_at = time - 0.5 * air.seen_time  # where a zero that drifts is its mean
         if moves or finer:
-            _note_rate(air, level if moves and seen_before else 0.0, time)
             _move(bank, level, deviation)
             if finer or not seen_before:
                 histories.move(bank.history, 0.0, level, 0.0, 0.0)
@@ -197,19 +196,11 @@ def _conclude(bank: Any, time: float) -> None:
         else:
             air.confirmed = 1
         if moves or finer or air.seen_time > FORGETTING:
-            air.known_at = time - 0.5 * air.seen_time  # where a zero that drifts is its mean
+            wanders, change = seen_before and not step, level if seen_before else 0.0
+            zero_drift.note(bank.drift, change, wanders, seen_at, air.known_at)
+            air.known_at = seen_at
             _forget(air)
     _begin(air)
-
-
-@compiled
-def _note_rate(air: Any, level: float, time: float) -> None:
-    """Note how fast the zero has moved since it was known [N/s]; a single step is no drift."""
-    elapsed = time - air.known_at
-    rate = level / elapsed if elapsed > 0.0 else 0.0
-    same_way = rate * air.latest_rate > 0.0
-    air.rate = min(abs(rate), abs(air.latest_rate)) if same_way else 0.0
-    air.latest_rate = rate
 
 
 @compiled

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from hc_estimator import estimate as columns
 from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model import zero_drift
 from hc_estimator.multiple_model.hypotheses import (
     EXPONENT,
     OWN,
@@ -84,20 +85,11 @@ def add(settings: Any, bank: Any, row: Any, out: NDArray[np.float64]) -> None:
 
 
 @compiled
-def drift(bank: Any) -> float:
-    """By how much a zero that drifts has moved since it was seen, if it goes on so [N]."""
-    air = bank.air
-    if not air.rate > 0.0:
-        return 0.0
-    return float(air.rate * max(bank.clock.state_time - air.known_at, 0.0))
-
-
-@compiled
 def force_deviation(settings: Any, bank: Any) -> float:
     """Give the deviation of the force's zero [N]; NaN where nobody has said anything of it."""
     if bank.zeros.off[1] > 0.0:
         return bank.zeros.off[1]  # type: ignore[no-any-return]
-    found = math.hypot(bank.onset.force_deviation, drift(bank))
+    found = math.hypot(bank.onset.force_deviation, zero_drift.deviation(bank))
     given = settings.force_zero_std
     if given > 0.0 and not found < given:
         return given  # type: ignore[no-any-return]

@@ -29,6 +29,8 @@ NEXT = 4
 """Blocks up to which those are apart that say the first rate: some readings may have been lost."""
 LONGEST_NS = 1_000_000_000
 """What is later than this was not on its way for so long: the sensor was away."""
+MISTAKEN_NS = 300_000_000
+"""Within this a loss shows to have been none."""
 WRONG, AHEAD_NS = 5, 60_000_000_000
 """Stamps in a row so far ahead, or a second back, after which it is another clock."""
 SLIPS, SLIPS_BLOCKS = (-0.02, 0.05), 8
@@ -81,6 +83,9 @@ class ArrivalClock:
         self._waiting: list[tuple[float, float, Any]] = []  # arrival, count and what was read
         self._before: list[float] = []  # arrivals of the block before [ns]
         self._wrong = 0
+        self.missed: tuple[Any, int, float] | None = None
+        """What the latest reading said was lost, less what was not: from which reading on, how
+        many, and for how long [ns]."""
 
     def take(self, arrival_ns: int, reading: Any) -> Timed:
         """Take a reading; return those whose time of measurement is known now, in order.
@@ -92,6 +97,7 @@ class ArrivalClock:
             arrival_ns: when it arrived [ns].
             reading: anything.
         """
+        self.missed = None
         if math.isnan(self._period):
             return self._wait(arrival_ns, reading)
         arrival = float(arrival_ns - self._origin_ns)
@@ -104,8 +110,7 @@ class ArrivalClock:
             return timed
         self._wrong = 0
         self._count += 1.0
-        late -= self._slip(arrival, late)
-        self._waiting.append((arrival, self._count, reading))
+        late -= self._slip(arrival, late, reading)
         timed = [] if self._far_ones.number else self.flush()
         self._add_to_block(arrival, late)
         return timed
@@ -193,8 +198,11 @@ class ArrivalClock:
     def _line(self, count: Any) -> Any:
         return self._offset + self._period * count
 
-    def _slip(self, arrival: float, late: float) -> float:
-        """Correct the count where readings were lost; return by how much the line moved [ns].
+    def _slip(self, arrival: float, late: float, reading: Any) -> float:
+        """Let a reading wait, and correct the count where some were lost before.
+
+        Returns:
+            By how much the line moved [ns].
 
         Those after a loss stay late. Those that were held up come at once, and what arrives before
         it was measured says that the count is too high.
@@ -219,9 +227,11 @@ class ArrivalClock:
                 missed = round(self._far_ones.least / period)
             elif self._late_ones.is_loss(3.0 * usual_run + 8.0, arrival, period):
                 missed = round(self._late_ones.least / period)
+        self._waiting.append((arrival, self._count, reading))
         if missed == 0:
             return 0.0
         self._waiting = [(came, count + missed, one) for came, count, one in self._waiting]
+        self.missed = (self._waiting[0][2], missed, missed * period)
         self._count += missed
         self._slipped += missed
         self._begin_watch()
@@ -273,13 +283,32 @@ class ArrivalClock:
 def measured_stamps(arrivals_ns: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return when the readings of a recording were measured [ns], shape (n,).
 
+    A machine that is busy for a tenth of a second looks as if readings had been lost, until those
+    that come next are too early for that; in a recording the ones between are put right.
+
     Args:
         arrivals_ns: when they arrived [ns], shape (n,), in the order in which they came.
     """
     clock, measured_ns = ArrivalClock(), arrivals_ns.copy()
+    lost: list[tuple[int, int]] = []  # from which reading on, and how many
+    mistaken: list[tuple[int, int, float]] = []  # from one to another, and for how long [ns]
     for k, arrival_ns in enumerate(arrivals_ns.tolist()):
         for stamp, number in clock.take(arrival_ns, k):
             measured_ns[number] = stamp
+        if clock.missed is None:
+            continue
+        first, missed, time_ns = clock.missed
+        if missed > 0:
+            lost.append((first, missed))
+        while missed < 0 and lost and arrival_ns - arrivals_ns[lost[-1][0]] < MISTAKEN_NS:
+            begun, number = lost.pop()
+            some = min(number, -missed)
+            mistaken.append((begun, first, some * time_ns / clock.missed[1]))
+            if some < number:
+                lost.append((begun, number - some))
+            missed += some
     for stamp, number in clock.flush():
         measured_ns[number] = stamp
+    for begun, end, time_ns in mistaken:
+        measured_ns[begun:end] -= round(time_ns)
     return measured_ns
