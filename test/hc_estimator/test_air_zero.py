@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import hc_estimator as hc
+from hc_estimator.multiple_model import zero_drift, zero_records
 
 FILTER = "self_tuning_ukf"
 K, B, N, P = 0.4, 0.05, 1.6, 0.9
@@ -39,8 +40,7 @@ def test_a_zero_that_drifts_is_followed():
     off = series.force_zero[late] - drift[late]
     assert np.max(np.abs(off)) < 0.01
     deviation = series.force_zero_std[late]
-    assert np.median(deviation) < 0.005  # with what the drift makes of it until it is seen again
-    assert np.max(deviation) < 0.01
+    assert np.median(deviation) < 0.008  # with what it was off by in the visits so far
     assert np.mean(np.abs(off) <= 3.0 * deviation) > 0.95
     still = hc.create_estimator(FILTER, find_zeros=False).run(time, place, force + drift)
     assert np.median(np.abs(still.parameters[late, 0] / K - 1.0)) > 0.02
@@ -185,4 +185,37 @@ def test_a_zero_that_drifts_is_known_less_well_the_longer_it_was_not_seen():
     assert np.mean(known[time > 30.0]) > 0.8
     off = np.abs(series.force_zero - 0.005 * time)[known]
     assert np.mean(off <= 3.0 * series.force_zero_std[known] + 0.002) > 0.9
-    assert np.max(series.force_zero_std[known]) > 0.02
+    assert np.max(series.force_zero_std[known]) > 0.015
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_sensor_that_warms_up_says_what_that_leaves_open(seed):
+    """30 mN within minutes; K was within three deviations in 88 % of the samples of such contacts."""
+    time, place, force, _law = taps(seconds=120.0, seed=seed, period=8.0)
+    drift = 0.03 * (1.0 - np.exp(-time / 60.0))
+    series = hc.create_estimator(FILTER).run(time, place, force + drift)
+    late = time > 30.0
+    error = np.abs(series.parameters[late, 0] - K)
+    assert np.mean(error <= 3.0 * series.parameters_std[late, 0]) > 0.95
+    assert np.median(series.parameters_std[late, 0]) < 0.02 * K
+    off = np.abs(series.force_zero - drift)[late]
+    assert np.sqrt(np.mean(off**2)) < 0.003
+    assert np.mean(series.model_mismatch[late]) < 0.02
+
+
+def test_a_zero_goes_on_as_it_drifted_and_not_as_a_step():
+    drift = np.zeros(1, zero_records.DRIFT)[0].view(np.recarray)
+    zero_drift.forget(drift)
+    known_at = 0.0
+    for visit, level in enumerate((0.010, 0.011, 0.001)):
+        seen_at = known_at + 10.0
+        drift.carried = drift.rate * 10.0
+        zero_drift.note(drift, level, True, seen_at, known_at)
+        known_at = seen_at
+        expected = (0.0, 0.0010, 0.0011)[visit]
+        assert abs(drift.rate - expected) < 1e-9
+    zero_drift.note(drift, -0.3, False, known_at + 10.0, known_at)  # a driver tares
+    assert drift.rate == 0.0
+    assert drift.wander < 0.011**2
+    zero_drift.note(drift, 0.0, True, known_at + 20.0, known_at + 10.0)
+    assert drift.rate == 0.0
