@@ -49,7 +49,6 @@ RECORDS = {  # what a variable of that name is, in every kernel
     "onset": "onset",
     "window": "window",
     "air": "air",
-    "drift": "drift",
     "place": "place",
     "memory": "memory",
 }
@@ -120,11 +119,9 @@ OWNERS = {
         "multiple_model/contact_level",
         "multiple_model/contact_rise",
         "multiple_model/zero_moves",
-        "multiple_model/zero_drift",
     ),
     "window": ("multiple_model/air_window",),
     "air": ("multiple_model/air_zero",),
-    "drift": ("multiple_model/zero_drift",),
     "place": (
         "multiple_model/another_place",
         "multiple_model/place_fit",

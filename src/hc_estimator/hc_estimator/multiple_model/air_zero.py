@@ -8,7 +8,8 @@ several visits count together until their mean is significantly none: of taps th
 80 ms each, and go no further than half a millimetre, as well. Then it is the zero from now
 on; what was felt since the zero was known last has its share of it, by the time, and if it never
 was, all of it: a sensor that nobody tared was off from the start. Where a driver tared meanwhile
-it is a step; what did not fit since was that, and no error of the law.
+it is a step; what did not fit since was that, and no error of the law. And by as much as it usually
+moves from one visit to the next it is not known in between.
 
 Not where the force changes with the place, or scatters more than the sensor does: the surface may
 have moved, or the force may be late. (Ours; `contact_onset` does the same before the first touch.)
@@ -21,7 +22,7 @@ from typing import Any
 
 from hc_estimator.adaptation import noise_color
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import air_window, place_delay, zero_drift, zero_moves
+from hc_estimator.multiple_model import air_window, place_delay, zero_moves
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.air_window import (
     FEWEST,
@@ -41,6 +42,7 @@ SETTLING = 0.06  # time outside that is left to a force that is late, or to what
 FINER = 0.5  # of a deviation at which a mean takes its place
 LONGEST = 1.0  # of readings that are judged together [s]
 AWAY = 4.0  # deviations of a reading from those before it, from which on it may be another zero
+VISITS = 20.0  # whose mean square of what the zero was off counts
 FORGETTING = 10.0  # time outside after which a mean begins anew [s]
 
 
@@ -51,6 +53,8 @@ def reset(air: Any) -> None:
     air.travelled = 0
     air.known_at = math.nan
     air.confirmed = 0
+    air.wander = 0.0
+    air.visits = 0
     _forget(air)
     _begin(air)
 
@@ -88,7 +92,6 @@ def learn(settings: Any, bank: Any, time: float) -> None:
         return
     if math.isnan(air.known_at):
         air.known_at = time
-    zero_drift.go_on(bank, time)
     if clock.restart != 0:
         air.outside = 0.0
         air.travelled = 0
@@ -182,7 +185,6 @@ def _conclude(bank: Any, time: float) -> None:
         finer = not moves and deviation < FINER * bank.onset.force_deviation
         seen_before = bank.onset.in_air != 0 or air.confirmed != 0
         step = abs(level) > SURE * math.sqrt(noise[1])
-        seen_at = time - 0.5 * air.seen_time  # where a zero that drifts is its mean
         if moves or finer:
             _move(bank, level, deviation)
             if finer or not seen_before:
@@ -196,11 +198,23 @@ def _conclude(bank: Any, time: float) -> None:
         else:
             air.confirmed = 1
         if moves or finer or air.seen_time > FORGETTING:
-            wanders, change = seen_before and not step, level if seen_before else 0.0
-            zero_drift.note(bank.drift, change, wanders, seen_at, air.known_at)
-            air.known_at = seen_at
+            if seen_before and not step:
+                _note_wander(air, level)
+            air.known_at = time - 0.5 * air.seen_time  # where a zero that wanders is its mean
             _forget(air)
     _begin(air)
+
+
+@compiled
+def _note_wander(air: Any, level: float) -> None:
+    """Note by how much the zero has moved since it was seen last [N].
+
+    All that was felt meanwhile was felt with a zero that was off the same way; growing evenly until
+    now, by a third of that square in the mean.
+    """
+    air.visits += 1
+    share = 1.0 / min(float(air.visits), VISITS)
+    air.wander += share * (level * level / 3.0 - air.wander)
 
 
 @compiled

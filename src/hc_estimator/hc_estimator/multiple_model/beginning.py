@@ -20,7 +20,6 @@ from hc_estimator.multiple_model import (
     place_delay,
     plausible,
     tempering,
-    zero_drift,
     zero_fit,
     zero_moves,
 )
@@ -91,7 +90,6 @@ def start(settings: Any, bank: Any) -> None:
     histories.reset(bank.history)
     contact_onset.restart(bank.onset)
     air_zero.reset(bank.air)
-    zero_drift.forget(bank.drift)
     zero_fit.restart(bank.zeros)
     another_place.reset(bank.place)
 

@@ -16,7 +16,7 @@ from hc_estimator.multiple_model.delay_records import DELAY, TERMS
 from hc_estimator.multiple_model.hypotheses import FRESH, ROWS, STATES
 from hc_estimator.multiple_model.place_records import PLACE
 from hc_estimator.multiple_model.spline_records import MEMORIES, MOVING, SPLINE_FIT
-from hc_estimator.multiple_model.zero_records import DRIFT, ZEROS
+from hc_estimator.multiple_model.zero_records import ZEROS
 from hc_estimator.screening import CLOCK_FIELDS
 
 ROW_COUNT = len(ROWS)
@@ -340,6 +340,9 @@ AIR = record_type(
         Field("travelled", np.int64, (), 0, 1),  # 1 once the force stayed the same on the way there
         Field("known_at", np.float64, (), finite=False),  # time at which the zero was seen [s]
         Field("confirmed", np.int64, (), 0, 1),  # 1 once it was seen to be what it was said to be
+        # Mean square of what it was off in contact [N^2], and of how many visits.
+        Field("wander", np.float64, (), 0.0),
+        Field("visits", np.int64, (), 0),
         # Of readings outside, in stretches that were judged:
         Field("seen", np.int64, (), 0),
         Field("seen_time", np.float64, (), 0.0),  # that they span [s]
@@ -385,7 +388,6 @@ BANK: tuple[Field, ...] = (
     Field("fit", SPLINE_FIT),
     Field("moving", MOVING),
     Field("zeros", ZEROS),
-    Field("drift", DRIFT),
     Field("delay", DELAY),
     Field("held", HELD_READINGS),
     Field("gate", GATE),

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from hc_estimator import estimate as columns
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import zero_drift
 from hc_estimator.multiple_model.hypotheses import (
     EXPONENT,
     OWN,
@@ -89,7 +88,7 @@ def force_deviation(settings: Any, bank: Any) -> float:
     """Give the deviation of the force's zero [N]; NaN where nobody has said anything of it."""
     if bank.zeros.off[1] > 0.0:
         return bank.zeros.off[1]  # type: ignore[no-any-return]
-    found = math.hypot(bank.onset.force_deviation, zero_drift.deviation(bank))
+    found = math.sqrt(bank.onset.force_deviation**2 + bank.air.wander)
     given = settings.force_zero_std
     if given > 0.0 and not found < given:
         return given  # type: ignore[no-any-return]

@@ -1,4 +1,4 @@
-"""The records of zeros that are off (`zero_fit`), and of one that drifts (`zero_drift`)."""
+"""The record of zeros that are off (`zero_fit`)."""
 
 from __future__ import annotations
 
@@ -47,24 +47,5 @@ ZEROS = record_type(
         Field("inflation", np.float64, (), 0.0),  # of the covariance of the last fit
         Field("squares", np.float64, (), 0.0),  # least squares that the last fit left
         Field("misfit", np.float64, (), finite=False),  # least squares left over the noise's
-    )
-)
-
-# See `zero_drift`.
-DRIFT = record_type(
-    (
-        # By the latest visit to the air, by what the last two have in common, and by how much
-        # these differ [N/s].
-        Field("latest_rate", np.float64, (), 0.0),
-        Field("rate", np.float64, (), 0.0),
-        Field("spread", np.float64, (), 0.0),
-        Field("elapsed", np.float64, (), 0.0),  # between the last two visits [s]
-        Field("span", np.float64, (), 0.0),  # the same and that before [s]
-        Field("known_at", np.float64, (), 0.0),  # time of the last visit [s]
-        Field("carried", np.float64, (), 0.0),  # by how much it went on since [N]
-        Field("carried_to", np.float64, (), 0.0),  # until when [s]
-        # Mean square of what it was off in contact, and of how many visits [N^2].
-        Field("wander", np.float64, (), 0.0),
-        Field("visits", np.int64, (), 0),
     )
 )
