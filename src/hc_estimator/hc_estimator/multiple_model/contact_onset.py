@@ -180,7 +180,9 @@ def _take(
                 onset.force_seen = 0  # what was taken for a force was this zero
                 onset.touched = 0
                 return True
-    if force < sure:
+    # One reading below that of many beyond is noise: the tool was not free there.
+    is_level = onset.window.count >= IN_A_ROW and onset.window.mean[1] >= sure
+    if force < sure and not is_level:
         onset.contradictions = 0
         onset.first_force = 0.0
         if onset.force_seen != 0:
