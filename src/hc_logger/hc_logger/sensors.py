@@ -21,7 +21,7 @@ from hc_estimator.stream.arrival_clock import ARRIVAL, MEASURED, measured_stamps
 from hc_estimator.stream.contact_frame import Quaternion, Vector
 from hc_estimator.stream.mapping import make_mapping
 from hc_estimator.stream.merger import Merged, Merger
-from hc_estimator.stream.repeats import SHARE, Repeats
+from hc_estimator.stream.repeats import SHARE, Repeats, channels_held
 from hc_logger.bag import Bag
 from hc_logger.bag_frames import Frame, poses_of, tool_frame
 from hc_logger.bag_sensors import force_topics, joints_of, moving_topics, position_topics
@@ -192,9 +192,6 @@ def read_sensors(
     if not samples:
         why = "; ".join(problems) or "there is no reading of one of them at the time of the other"
         raise BagError(f"{path}: {force_topic} and {position_topic} give no sample: {why}")
-    once = tuple(
-        name for name, sensor in (("displacement", position), ("force", force)) if sensor.held
-    )
     notes = [
         f"force along {force.axis} of {force_topic}, displacement of {position_topic}"
         f"{words}: mind their signs and zeros"
@@ -213,7 +210,7 @@ def read_sensors(
         np.ascontiguousarray(rows[:, 0]),
         np.ascontiguousarray(rows[:, 1]),
         findings_of(rows, np.diff(stamps), tuple(problems))._replace(
-            notes=tuple(notes), counted_once=once
+            notes=tuple(notes), counted_once=channels_held(position.held, force.held)
         ),
     )
 

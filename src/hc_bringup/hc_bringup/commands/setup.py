@@ -154,6 +154,7 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
     from hc_bringup.recording_input import assumed_line
     from hc_bringup.treated_samples import FORCE_LIMIT
     from hc_bringup.turning import turning_line
+    from hc_estimator.stream.repeats import channels_held
     from hc_estimator.stream.sanity import SCALES
     from hc_estimator.stream.sensor_setup import SetupError, propose
     from hc_estimator.stream.vocabulary import CHANNEL_DELAY
@@ -168,11 +169,7 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
     diagnosis = diagnose(
         *(found.time_s, found.displacement_mm, found.force_n),
         surface_std_mm=0.0 if math.isnan(known_mm) else known_mm,
-        counted_once=[
-            name
-            for name, sensor in (("displacement", found.position), ("force", found.force))
-            if sensor.held
-        ],
+        counted_once=channels_held(found.position.held, found.force.held),
     )
     heartbeat.nothing()
     corrections: dict[str, Any] = {}

@@ -85,7 +85,7 @@ class ArrivalClock:
         self._wrong = 0
         self.missed: tuple[Any, int, float] | None = None
         """What the latest reading said was lost, less what was not: from which reading on, how
-        many, and for how long [ns]."""
+        many, and the period of each [ns]."""
 
     def take(self, arrival_ns: int, reading: Any) -> Timed:
         """Take a reading; return those whose time of measurement is known now, in order.
@@ -231,7 +231,7 @@ class ArrivalClock:
         if missed == 0:
             return 0.0
         self._waiting = [(came, count + missed, one) for came, count, one in self._waiting]
-        self.missed = (self._waiting[0][2], missed, missed * period)
+        self.missed = (self._waiting[0][2], missed, period)
         self._count += missed
         self._slipped += missed
         self._begin_watch()
@@ -297,13 +297,13 @@ def measured_stamps(arrivals_ns: NDArray[np.int64]) -> NDArray[np.int64]:
             measured_ns[number] = stamp
         if clock.missed is None:
             continue
-        first, missed, time_ns = clock.missed
+        first, missed, period_ns = clock.missed
         if missed > 0:
             lost.append((first, missed))
         while missed < 0 and lost and arrival_ns - arrivals_ns[lost[-1][0]] < MISTAKEN_NS:
             begun, number = lost.pop()
             some = min(number, -missed)
-            mistaken.append((begun, first, some * time_ns / clock.missed[1]))
+            mistaken.append((begun, first, some * period_ns))
             if some < number:
                 lost.append((begun, number - some))
             missed += some

@@ -23,6 +23,16 @@ SHARE = 0.9
 """Of a maximum gap: how long a reading counts at most."""
 
 
+def channels_held(position: bool, force: bool) -> tuple[str, ...]:
+    """Return the channels whose repeated readings are left out.
+
+    Args:
+        position: whether those of the position sensor are.
+        force: whether those of the force sensor are.
+    """
+    return tuple(name for name, held in zip(SETTINGS, (position, force), strict=True) if held)
+
+
 class Repeats:
     """Readings of one channel, one after the other."""
 
