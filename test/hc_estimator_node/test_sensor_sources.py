@@ -20,6 +20,13 @@ from hc_estimator.ros.sensors import SensorInput
 from hc_msgs_py.units import set_stamp
 from tf2_msgs.msg import TFMessage
 
+DEFAULTS = {name: setting.default for name, setting in NODE_SETTINGS.items()}
+OF_POSE = {
+    "input.source": "sensors",
+    "input.position.type": "pose",
+    "input.position.topic": "pose",
+    "input.publish_samples": False,
+}
 OF_TF = {
     "input.source": "sensors",
     "input.position.type": "tf",
@@ -79,7 +86,7 @@ def transform(parent, child, stamp_ns, x=0.0, z=0.0):
 @pytest.mark.process
 def test_a_quality_of_service_of_another_topic_is_said_to_do_nothing(ros_domain):
     """Regression: one without the leading / was passed over without a word."""
-    values = {name: setting.default for name, setting in NODE_SETTINGS.items()} | OF_TF
+    values = DEFAULTS | OF_TF
     wrong = ("qos_overrides.ft_sensor/wrench.subscription.depth", OVERRIDE[:-1])
     given = {wrong[0]: 50, wrong[1]: "reliable", OVERRIDE: "reliable"}
     with (
@@ -93,7 +100,7 @@ def test_a_quality_of_service_of_another_topic_is_said_to_do_nothing(ros_domain)
 
 @pytest.mark.process
 def test_the_chain_of_frames_gives_the_depth_at_the_stamp_of_what_moved(ros_domain):
-    values = {name: setting.default for name, setting in NODE_SETTINGS.items()} | OF_TF
+    values = DEFAULTS | OF_TF
     receiver = Receiver()
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     with running_node(ros_domain, **{OVERRIDE: "reliable"}) as (node, executor):
@@ -156,17 +163,17 @@ def turned(time_s):
 @pytest.mark.process
 def test_a_wrench_is_turned_by_the_attitude_at_its_stamp_with_the_offsets_of_both(ros_domain):
     """The pose comes 20 ms late and is stamped 3 ms late, the wrench 7 ms."""
-    values = {name: setting.default for name, setting in NODE_SETTINGS.items()} | {
-        "input.source": "sensors",
-        "input.force.topic": "wrench",
-        "input.force.time_offset": -0.007,
-        "input.position.topic": "pose",
-        "input.position.type": "pose",
-        "input.position.time_offset": -0.003,
-        "input.contact.frame": "surface",
-        "input.payload.mass": 0.7,
-        "input.publish_samples": False,
-    }
+    values = (
+        DEFAULTS
+        | OF_POSE
+        | {
+            "input.force.topic": "wrench",
+            "input.force.time_offset": -0.007,
+            "input.position.time_offset": -0.003,
+            "input.contact.frame": "surface",
+            "input.payload.mass": 0.7,
+        }
+    )
     receiver = Receiver()
     with (
         running_node(ros_domain) as (node, executor),
@@ -201,7 +208,7 @@ def test_a_wrench_is_turned_by_the_attitude_at_its_stamp_with_the_offsets_of_bot
 
 @pytest.mark.process
 def test_a_quality_of_service_that_does_not_exist_is_one_line(ros_domain):
-    values = {name: setting.default for name, setting in NODE_SETTINGS.items()} | OF_TF
+    values = DEFAULTS | OF_TF
     expected = r"cannot subscribe to ft_sensor/wrench: .*always"
     with (
         running_node(ros_domain, **{OVERRIDE: "always"}) as (node, _executor),
@@ -213,15 +220,15 @@ def test_a_quality_of_service_that_does_not_exist_is_one_line(ros_domain):
 @pytest.mark.process
 @pytest.mark.parametrize("held", [True, False])
 def test_the_node_counts_each_reading_of_both_sensors_once(ros_domain, held):
-    values = {name: setting.default for name, setting in NODE_SETTINGS.items()} | {
-        "input.source": "sensors",
-        "input.force.topic": "wrench",
-        "input.force.held": held,
-        "input.position.topic": "pose",
-        "input.position.type": "pose",
-        "input.position.held": held,
-        "input.publish_samples": False,
-    }
+    values = (
+        DEFAULTS
+        | OF_POSE
+        | {
+            "input.force.topic": "wrench",
+            "input.force.held": held,
+            "input.position.held": held,
+        }
+    )
     receiver = Receiver()
     with (
         running_node(ros_domain) as (node, executor),
@@ -253,14 +260,14 @@ def test_the_node_counts_each_reading_of_both_sensors_once(ros_domain, held):
 @pytest.mark.process
 def test_the_node_puts_readings_that_are_stamped_on_arrival_at_even_times(ros_domain):
     """Forces of 500 Hz come in packets of eight; the rate is known after half a second."""
-    values = {name: setting.default for name, setting in NODE_SETTINGS.items()} | {
-        "input.source": "sensors",
-        "input.force.topic": "wrench",
-        "input.force.stamps": "arrival",
-        "input.position.topic": "pose",
-        "input.position.type": "pose",
-        "input.publish_samples": False,
-    }
+    values = (
+        DEFAULTS
+        | OF_POSE
+        | {
+            "input.force.topic": "wrench",
+            "input.force.stamps": "arrival",
+        }
+    )
     receiver, period_ns = Receiver(), 2_000_000
     with (
         running_node(ros_domain) as (node, executor),
@@ -302,12 +309,7 @@ def test_the_node_puts_readings_that_are_stamped_on_arrival_at_even_times(ros_do
 @pytest.mark.process
 def test_a_position_that_changes_its_frame_is_a_problem(ros_domain):
     """Regression: poses of one topic in two frames were read as one motion, and nothing said."""
-    values = {name: setting.default for name, setting in NODE_SETTINGS.items()} | {
-        "input.source": "sensors",
-        "input.position.type": "pose",
-        "input.position.topic": "pose",
-        "input.publish_samples": False,
-    }
+    values = DEFAULTS | OF_POSE
     with (
         running_node(ros_domain) as (node, executor),
         closing(SensorInput(node, Receiver(), values)) as source,
@@ -335,13 +337,7 @@ def test_a_position_that_changes_its_frame_is_a_problem(ros_domain):
 @pytest.mark.process
 def test_readings_that_are_no_numbers_are_counted_as_such(ros_domain):
     """Regression: NaN of a driver were "lost or late", and in no counter."""
-    values = {name: setting.default for name, setting in NODE_SETTINGS.items()} | {
-        "input.source": "sensors",
-        "input.force.topic": "wrench",
-        "input.position.type": "pose",
-        "input.position.topic": "pose",
-        "input.publish_samples": False,
-    }
+    values = DEFAULTS | OF_POSE | {"input.force.topic": "wrench"}
     with (
         running_node(ros_domain) as (node, executor),
         closing(SensorInput(node, Receiver(), values)) as source,
