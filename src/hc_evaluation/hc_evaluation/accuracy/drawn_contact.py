@@ -31,6 +31,33 @@ DAMPING_SHARE = (0.02, 0.6)  # of the elastic force, at the fastest
 SLOWEST_FASTEST_MM_S = 5.0  # the same at least
 FORCE_NOISE = (0.0005, 0.02)  # of the largest force
 DISPLACEMENT_NOISE_MM = (0.0005, 0.02)
+FINEST = 1e-4  # of the largest force: no sensor of its range has less noise
+
+
+@dataclass(frozen=True)
+class Acquisition:
+    """How long, how often and how well a contact is read, and whether the tool visits the air.
+
+    Attributes:
+        duration_s: of the contact.
+        rates_hz: readings a second, each as likely.
+        displacement_noise_mm: deviation, from and to, drawn log-uniformly.
+        force_noise: the same of the force, as a share of the largest one.
+        force_noise_n: the same in N, instead of a share; at least `FINEST` of the largest force.
+        visits: the tool begins in the air and is taken back to it every few seconds.
+        shaken: readings are taken early or late by up to this share of the period, and say when.
+    """
+
+    duration_s: float = DURATION_S
+    rates_hz: tuple[float, ...] = RATES_HZ
+    displacement_noise_mm: tuple[float, float] = DISPLACEMENT_NOISE_MM
+    force_noise: tuple[float, float] = FORCE_NOISE
+    force_noise_n: tuple[float, float] | None = None
+    visits: bool = False
+    shaken: float = 0.0
+
+
+USUAL = Acquisition()
 
 
 @dataclass
@@ -43,6 +70,9 @@ class DrawnContact:
         force_n: readings.
         parameters: K, B, n, p.
         changed_s: when the tissue changed abruptly; None: it did not.
+        acting_n: the force without noise and zero.
+        force_noise_n: deviation of the force's noise.
+        visits_s: from when until when the tool rested in the air, shape (visits, 2).
     """
 
     time_s: FloatArray
@@ -50,6 +80,9 @@ class DrawnContact:
     force_n: FloatArray
     parameters: FloatArray
     changed_s: float | None
+    acting_n: FloatArray
+    force_noise_n: float
+    visits_s: FloatArray
 
 
 @dataclass
@@ -143,6 +176,23 @@ MOTIONS = {
 }
 
 
+def _with_visits(draw: Draw, time: FloatArray, way: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A motion that begins in the air and comes back to it; and when it rests there, (visits, 2).
+
+    About every eight seconds somebody lifts the tool, waits, and goes on with the motion.
+    """
+    height = float(draw.uniform(0.5, 3.0))
+    lifted, begins, visits = np.zeros(time.size), 0.0, []
+    while begins < time[-1]:
+        up, rest, down = draw.uniform([0.4, 0.3, 0.4], [0.8, 2.0, 0.8]).tolist()
+        ends = begins + rest
+        lifted += minimum_jerk(np.clip((time - begins + up) / up, 0.0, 1.0))
+        lifted -= minimum_jerk(np.clip((time - ends) / down, 0.0, 1.0))
+        visits.append((begins, min(ends, float(time[-1]))))
+        begins = ends + down + float(draw.uniform(4.0, 8.0)) + 0.8
+    return way * (1.0 - lifted) - height * lifted, np.array(visits)
+
+
 def _sign(draw: Draw) -> float:
     return float(draw.choice([-1.0, 1.0]))
 
@@ -231,7 +281,10 @@ TROUBLES: dict[str, Callable[[Draw, _Plan], None]] = {
 
 
 def drawn_contact(
-    troubles: tuple[str, ...], seed: int, between: Between | None = None
+    troubles: tuple[str, ...],
+    seed: int,
+    between: Between | None = None,
+    acquisition: Acquisition = USUAL,
 ) -> DrawnContact:
     """The contact that a seed draws with some troubles; without them it is otherwise the same.
 
@@ -239,20 +292,25 @@ def drawn_contact(
         troubles: of `TROUBLES`.
         seed: of everything.
         between: what lies between tissue and readings, if anything does.
+        acquisition: how it is read. Readings that are `shaken` are of the same tissue and motion.
 
     Raises:
         KeyError: no such trouble.
     """
     draw = np.random.default_rng([seed, 777])
     motion = str(draw.choice(sorted(MOTIONS)))
-    rate_hz = float(draw.choice(RATES_HZ))
-    time = np.arange(0.0, DURATION_S, 1.0 / rate_hz)
+    rate_hz = float(draw.choice(acquisition.rates_hz))
+    time = np.arange(0.0, acquisition.duration_s, 1.0 / rate_hz)
     tool = MOTIONS[motion](draw, time, rate_hz)
     stiffness, exponent = log_uniform(draw, *STIFFNESS), float(draw.uniform(*EXPONENT))
     velocity_exponent = float(draw.uniform(*VELOCITY_EXPONENT))
     damping_share = log_uniform(draw, *DAMPING_SHARE)
-    noise = log_uniform(draw, *FORCE_NOISE), log_uniform(draw, *DISPLACEMENT_NOISE_MM)
+    force_noise = log_uniform(draw, *(acquisition.force_noise_n or acquisition.force_noise))
+    place_noise_mm = log_uniform(draw, *acquisition.displacement_noise_mm)
     white = draw.standard_normal((2, time.size))
+    visits = np.empty((0, 2))
+    if acquisition.visits:
+        tool, visits = _with_visits(np.random.default_rng([seed, 781]), time, tool)
     nothing = np.zeros(time.size)
     plan = _Plan(time, tool, nothing.copy(), nothing, np.ones(time.size, np.bool_))
     for name in troubles:
@@ -273,12 +331,20 @@ def drawn_contact(
         return pushes
 
     largest = float(np.max(law_at(time)))
-    tool, acting = plan.tool, law_at(np.clip(time - plan.delay_s, time[0], time[-1]))
+    stamps, tool = time, plan.tool
+    if acquisition.shaken > 0.0:
+        early = np.random.default_rng([seed, 782]).uniform(-1.0, 1.0, time.size)
+        stamps = np.clip(time + early * acquisition.shaken / rate_hz, time[0], time[-1])
+        tool = CubicSpline(time, plan.tool)(stamps)
+    acting = law_at(np.clip(stamps - plan.delay_s, time[0], time[-1]))
     if between is not None:
-        tool, acting = between(np.random.default_rng([seed, 780]), time, tool, acting)
-    acting = acting + plan.zero_share * largest
-    force = _read(acting, noise[0] * largest, white[0], plan.colour, plan.quanta[0])
-    place_read = _read(tool, noise[1], white[1], plan.colour, plan.quanta[1])
+        tool, acting = between(np.random.default_rng([seed, 780]), stamps, tool, acting)
+    deviation_n = force_noise * largest
+    if acquisition.force_noise_n:
+        deviation_n = max(force_noise, FINEST * largest)
+    read = acting + plan.zero_share * largest
+    force = _read(read, deviation_n, white[0], plan.colour, plan.quanta[0])
+    place_read = _read(tool, place_noise_mm, white[1], plan.colour, plan.quanta[1])
     parameters = np.column_stack(
         [
             stiffness * factor,
@@ -289,11 +355,14 @@ def drawn_contact(
     )
     kept = plan.kept
     return DrawnContact(
-        time[kept],
+        stamps[kept],
         (place_read + plan.position_mm)[kept],
         force[kept],
         parameters[kept],
         plan.changed_s,
+        acting[kept],
+        deviation_n,
+        visits,
     )
 
 

@@ -22,6 +22,7 @@ from hc_evaluation.accuracy import (
     rates,
     real,
     scan,
+    sensor_faults,
     separation,
     simulated,
     surface,
@@ -117,6 +118,10 @@ EXPERIMENTS: dict[str, Experiment] = {
     "mechanics": Experiment(
         "what lies between tissue and readings and is in no law: mass, friction, memory, play",
         mechanics.mechanics,
+    ),
+    "sensor_faults": Experiment(
+        "sensors that nobody watches: readings lost or uneven, zeros moved or moving",
+        sensor_faults.sensor_faults,
     ),
     "ablation": Experiment(
         "every mechanism of the default filter off in turn, on every experiment",
