@@ -179,10 +179,12 @@ class SensorInput:
     def counters(self) -> Mapping[str, int]:
         """Readings that are in no sample, and messages without what is read of them."""
         counters, frames, moving = self._merger.counters, self._frames, self._moving
+        clocks = (self._force_clock, self._position_clock)
         result = {
             "pairing_late": counters.late,
             "pairing_unpaired": counters.unpaired,
             "pairing_resets": counters.resets,
+            "arrival_mistaken": sum(clock.mistaken for clock in clocks if clock is not None),
             "positions_skipped": self._skipped_positions,
             "force_not_finite": self._forces_not_finite,
             "position_not_finite": self._positions_not_finite,

@@ -43,6 +43,15 @@ USUAL = 0.98
 """Share of the readings that are late by no more than is usual."""
 IN_TIME = 0.5
 """Of a period, by which a reading in time is late at most."""
+FALL, BUSY_NS = 2.0, 100_000_000
+"""Times the usual span, by which a reading is less late than one before where a busy machine had
+held that up; and for how long thereafter readings that are late may be late for that."""
+LONG_NS, LONG = 5_000_000, 3.0
+"""Beyond the usual span, and in periods: so long a loss is as likely to be a machine that is busy;
+it takes more readings to show, and those late by no more apart than is usual."""
+HELD_NS = 40_000_000
+"""For so long readings wait until it shows what they are: then they are late, and none was lost.
+Those of the other channel wait for 50 ms."""
 
 Timed = list[tuple[int, Any]]
 """Times of measurement [ns] with what was read."""
@@ -51,10 +60,14 @@ Timed = list[tuple[int, Any]]
 class _Run:
     """Readings in a row that are late."""
 
-    __slots__ = ("begun", "least", "number")
+    __slots__ = ("begun", "least", "most", "number")
 
     def __init__(self) -> None:
-        self.number, self.begun, self.least = 0, 0.0, math.inf
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin with the next one."""
+        self.number, self.begun, self.least, self.most = 0, 0.0, math.inf, -math.inf
 
     def add(self, arrival: float, late: float) -> None:
         """Take the next one."""
@@ -62,6 +75,13 @@ class _Run:
             self.begun = arrival
         self.number += 1
         self.least = min(self.least, late)
+        self.most = max(self.most, late)
+
+    def add_alike(self, arrival: float, late: float, within: float) -> None:
+        """Take the next one; begin anew with it if it would be further from another than that."""
+        if max(self.most, late) - min(self.least, late) > within:
+            self.forget()
+        self.add(arrival, late)
 
     def is_loss(self, fewest: float, arrival: float, period: float) -> bool:
         """Whether they stay late: enough of them, which did not come at once as after a stall."""
@@ -70,10 +90,16 @@ class _Run:
 
 
 class ArrivalClock:
-    """Turns stamps of arrival of one sensor, one after the other, into times of measurement."""
+    """Turns stamps of arrival of one sensor, one after the other, into times of measurement.
+
+    Attributes:
+        mistaken: readings that were counted as lost, and were not: those before them got times
+            that are too late by so many periods, and those after them may lie before these.
+    """
 
     def __init__(self) -> None:
         """Begin without a rate."""
+        self.mistaken = 0
         self.forget()
 
     def forget(self) -> None:
@@ -111,7 +137,8 @@ class ArrivalClock:
         self._wrong = 0
         self._count += 1.0
         late -= self._slip(arrival, late, reading)
-        timed = [] if self._far_ones.number else self.flush()
+        waits = 0.0 <= arrival - self._far_since < HELD_NS
+        timed = [] if waits else self.flush()
         self._add_to_block(arrival, late)
         return timed
 
@@ -193,7 +220,9 @@ class ArrivalClock:
         self._longest = self._slipped = 0
 
     def _begin_watch(self) -> None:
-        self._late_ones, self._far_ones = _Run(), _Run()
+        self._late_ones, self._far_ones, self._alike_ones = _Run(), _Run(), _Run()
+        self._far_since = math.inf  # when the first of those came that are far late now [ns]
+        self._busy_until = -math.inf  # the machine, as what came sooner than others shows [ns]
 
     def _line(self, count: Any) -> Any:
         return self._offset + self._period * count
@@ -204,11 +233,13 @@ class ArrivalClock:
         Returns:
             By how much the line moved [ns].
 
-        Those after a loss stay late. Those that were held up come at once, and what arrives before
-        it was measured says that the count is too high.
+        Those after a loss stay late. Those that were held up come at once, a busy machine takes
+        each late by a time of its own, and what arrives before it was measured says that the count
+        is too high.
         """
-        period, span, missed = self._period, self._span, 0
+        period, missed, since = self._period, 0, -math.inf
         self._since_in_time += 1
+        self._waiting.append((arrival, self._count, reading))
         if late < -IN_TIME * period or late > LONGEST_NS:
             missed = round(late / period)
             self._longest = max(self._longest, self._since_in_time)  # none had been lost
@@ -217,28 +248,56 @@ class ArrivalClock:
             self._since_in_time = 0
             self._begin_watch()
         else:
-            self._late_ones.add(arrival, late)
-            if late > span + IN_TIME * period:
-                self._far_ones.add(arrival, late)
-            else:
-                self._far_ones = _Run()
-            usual_run = max(self._longest, *self._runs)
-            if self._far_ones.is_loss(span / period + 1.0, arrival, period):
-                missed = round(self._far_ones.least / period)
-            elif self._late_ones.is_loss(3.0 * usual_run + 8.0, arrival, period):
-                missed = round(self._late_ones.least / period)
-        self._waiting.append((arrival, self._count, reading))
+            missed, since = self._lost(arrival, late)
         if missed == 0:
             return 0.0
-        self._waiting = [(came, count + missed, one) for came, count, one in self._waiting]
-        self.missed = (self._waiting[0][2], missed, period)
+        first = next(k for k, (came, _, _) in enumerate(self._waiting) if came >= since)
+        self._waiting[first:] = [
+            (came, count + missed, one) for came, count, one in self._waiting[first:]
+        ]
+        self.missed = (self._waiting[first][2], missed, period)
         self._count += missed
         self._slipped += missed
+        self.mistaken += max(-missed, 0)
         self._begin_watch()
         if missed > 0:
             self._lates.clear()
             self._least = (math.inf, 0.0, 0.0)
         return missed * period
+
+    def _lost(self, arrival: float, late: float) -> tuple[int, float]:
+        """Say of a reading that is late whether some were lost.
+
+        Returns:
+            How many, and when the first came of those after them [ns].
+        """
+        period, span = self._period, self._span
+        within = span + IN_TIME * period
+        late_ones, far_ones, alike_ones = self._late_ones, self._far_ones, self._alike_ones
+        late_ones.add(arrival, late)
+        if late <= within:
+            self._far_since = math.inf
+            far_ones.forget()
+            alike_ones.forget()
+        else:
+            self._far_since = min(self._far_since, arrival)
+            far_ones.add(arrival, late)
+            alike_ones.add_alike(arrival, late, within)
+        if late_ones.most - late > FALL * within:
+            self._busy_until = arrival + BUSY_NS
+            late_ones.forget()
+            far_ones.forget()
+        fewest = span / period + 1.0
+        if alike_ones.number and alike_ones.least > span + max(LONG_NS, LONG * period):
+            if alike_ones.is_loss(2.0 * fewest + 1.0, arrival, period):
+                return round(alike_ones.least / period), alike_ones.begun
+        elif arrival >= self._busy_until:
+            if far_ones.is_loss(fewest, arrival, period):
+                return round(far_ones.least / period), far_ones.begun
+            usual_run = max(self._longest, *self._runs)
+            if late_ones.is_loss(3.0 * usual_run + 8.0, arrival, period):
+                return round(late_ones.least / period), late_ones.begun
+        return 0, arrival
 
     def _add_to_block(self, arrival: float, late: float) -> None:
         """Let a reading count; at the end of its block the line is fitted anew."""
