@@ -44,6 +44,8 @@ def test_a_force_along_a_direction_of_any_length_reads_its_magnitude(direction, 
         (("direction", [0, 0, 0], 1, 1.0, 0.0), "direction"),
         (("direction", [1, 0], 1, 1.0, 0.0), "direction"),
         (("direction", [math.nan, 0, 1], 1, 1.0, 0.0), "direction"),
+        (("z", [math.nan, 0, 1], 1, 1.0, 0.0), "direction"),
+        (("x", [1, 0], 1, 1.0, 0.0), "direction"),
     ],
 )
 def test_what_cannot_be_is_named(settings, named):

@@ -178,7 +178,8 @@ NODE_SETTINGS = _table(
     setting(
         "input.payload.mass",
         0.0,
-        "What hangs on the force sensor; `hc payload` identifies it.",
+        "What hangs on the force sensor; below zero where its driver takes too much off. "
+        "`hc payload` identifies it.",
         minimum=-1.0,
         maximum=1000.0,
         unit="kg",

@@ -40,7 +40,8 @@ def make_mapping(
 
     Args:
         axis: "x", "y", "z", or "direction" for any other.
-        direction: direction in the sensor's frame, of any length; used for axis "direction".
+        direction: direction in the sensor's frame, of any length; used for axis "direction", and
+            three finite numbers for any.
         sign: 1 or -1; the result is to be positive into the tissue and in compression.
         scale: factor, for a sensor in other units (m of stroke per rad of a joint, say).
         zero: reading that counts as zero, after sign and scale.
@@ -52,12 +53,12 @@ def make_mapping(
         raise ValueError(f"axis = {axis!r} is not one of {', '.join(AXES)}")
     if sign not in (1, -1):
         raise ValueError(f"sign = {sign!r} is not 1 or -1")
+    length = math.hypot(*direction) if len(direction) == 3 else math.nan
+    if not math.isfinite(length) or (axis == "direction" and length == 0.0):
+        raise ValueError(
+            f"direction = {list(direction)!r} is not three finite numbers, not all of them zero"
+        )
     if axis == "direction":
-        length = math.hypot(*direction) if len(direction) == 3 else math.nan
-        if not (math.isfinite(length) and length > 0.0):
-            raise ValueError(
-                f"direction = {list(direction)!r} is not three finite numbers, not all of them zero"
-            )
         unit = [component / length for component in direction]
     else:
         unit = [float(axis == name) for name in "xyz"]
