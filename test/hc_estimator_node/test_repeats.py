@@ -8,7 +8,13 @@ import pytest
 from hc_estimator.ros.settings_meaning import counted_once
 from hc_estimator.stream.channel_checks import held
 from hc_estimator.stream.readings import Check, Readings
-from hc_estimator.stream.repeats import LONGEST_S, Repeats, new_readings, once_each
+from hc_estimator.stream.repeats import (
+    LONGEST_S,
+    Repeats,
+    channels_held_by,
+    new_readings,
+    once_each,
+)
 from hc_estimator.stream.sanity import check_samples
 from hc_estimator.stream.suspicion_watch import SuspicionWatch
 
@@ -92,4 +98,5 @@ def test_an_input_of_sensors_leaves_out_what_is_said_to_repeat():
     values = {"input.source": "sensors", "input.position.held": True, "input.force.held": False}
     assert counted_once(values) == ("displacement",)
     assert counted_once({**values, "input.source": "sample"}) == ()
-    assert counted_once({"source": "sensors", "force.held": True}, prefix="") == ("force",)
+    assert channels_held_by({"input.force.held": True}) == ("force",)  # what a bag says of its node
+    assert channels_held_by({}) == ()

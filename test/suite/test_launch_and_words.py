@@ -23,6 +23,7 @@ SOURCES = (
     "hc_estimator/hc_estimator/stream/both_channels.py",
     "hc_estimator/hc_estimator/stream/range_checks.py",
     "hc_estimator/hc_estimator/stream/stamp_checks.py",
+    "hc_estimator/hc_estimator/stream/readings.py",
     "hc_estimator/hc_estimator/stream/rigid_press.py",
     "hc_bringup/hc_bringup/live_check.py",
     "hc_bringup/hc_bringup/diagnosis.py",

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_estimator.stream import repeats
 from hc_estimator.stream.frame_compliance import TAKEN_OFF_ALREADY
+from hc_estimator.stream.repeats import channels_held_by
 from hc_estimator.stream.vocabulary import CHANNEL_DELAY, CONTACT_POSITION_STD
 from hc_logger.bag import Bag
 from hc_logger.decoder import decoder
@@ -257,8 +257,7 @@ class Recording:
         """
         once = self.findings.counted_once
         if self.is_bag and self.configurations:
-            given = self.configurations[-1].parameters
-            once += tuple(channel for channel, name in repeats.SETTINGS.items() if given.get(name))
+            once += channels_held_by(self.configurations[-1].parameters)
         return once
 
     def _bag(self) -> Bag:

@@ -21,6 +21,7 @@ from hc_estimator.stream.arrival_clock import ARRIVAL, MEASURED, measured_stamps
 from hc_estimator.stream.contact_frame import Quaternion, Vector
 from hc_estimator.stream.mapping import make_mapping
 from hc_estimator.stream.merger import Merged, Merger
+from hc_estimator.stream.readings import NO_NUMBERS
 from hc_estimator.stream.repeats import SHARE, Repeats, channels_held
 from hc_logger.bag import Bag
 from hc_logger.bag_frames import Frame, poses_of, tool_frame
@@ -168,8 +169,7 @@ def read_sensors(
         problems = list(bag.problems)
         words = _words(bag, position_topic, position, frame)
     problems += [
-        f"{count} of {len(stamps)} readings of {topic} are no numbers (NaN): the sensor or its "
-        "driver gave none"
+        f"{count} of {len(stamps)} readings of {topic} {NO_NUMBERS}"
         for topic, stamps, count in zip(topics, stamps_of, not_finite, strict=True)
         if count
     ]

@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
         channel_delay = heard.channel_delay
         from hc_estimator.ros.settings_meaning import counted_once
 
-        once = counted_once(settings, prefix="")
+        once = counted_once({f"input.{name}": value for name, value in settings.items()})
         where = f"node {node}, {seconds:g} s"
     else:
         for name in ("node", "seconds"):

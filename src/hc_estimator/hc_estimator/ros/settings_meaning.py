@@ -11,7 +11,6 @@ from rclpy.exceptions import InvalidTopicNameException
 from rclpy.validate_topic_name import validate_topic_name
 
 from hc_estimator.ros.node_settings import MISSING_READINGS
-from hc_estimator.stream import repeats
 from hc_estimator.stream.contact_frame import (
     ContactFrame,
     Payload,
@@ -22,6 +21,7 @@ from hc_estimator.stream.contact_frame import (
 from hc_estimator.stream.effort_filters import EffortSettings
 from hc_estimator.stream.mapping import Mapping as AxisMapping
 from hc_estimator.stream.mapping import make_mapping
+from hc_estimator.stream.repeats import channels_held_by
 from hc_estimator.stream.vocabulary import SessionSettings
 from hc_msgs_py import topics
 
@@ -164,20 +164,13 @@ def sensor_mapping(values: Mapping[str, Any], sensor: str) -> AxisMapping:
     )
 
 
-def counted_once(values: Mapping[str, Any], prefix: str = "input.") -> tuple[str, ...]:
-    """Return the channels whose repeated readings an input of sensors leaves out.
+def counted_once(values: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the channels whose repeated readings an input leaves out: one of sensors alone does.
 
     Args:
-        values: settings of the node.
-        prefix: what their names begin with.
+        values: settings of the node, or some of them.
     """
-    if values.get(f"{prefix}source") != "sensors":
-        return ()
-    return tuple(
-        channel
-        for channel, name in repeats.SETTINGS.items()
-        if values.get(f"{prefix}{name.removeprefix('input.')}", False)
-    )
+    return channels_held_by(values) if values.get("input.source") == "sensors" else ()
 
 
 def session_settings(values: Mapping[str, Any]) -> SessionSettings:

@@ -10,7 +10,7 @@ from typing import Any
 from hc_estimator import PARAMETER_NAMES, Rejection
 from hc_estimator.ros.channel import Channel
 from hc_estimator.ros.inputs import Input, why_unmatched
-from hc_estimator.stream.readings import SUSPECT, Suspicion
+from hc_estimator.stream.readings import NO_NUMBERS, SUSPECT, Suspicion
 from hc_estimator.stream.session import EstimationSession
 from hc_msgs_py.diagnostics import Level, Status
 from hc_msgs_py.histogram import DurationHistogram
@@ -33,8 +33,7 @@ _REFUSED = {
 }
 
 _NOT_FINITE = {
-    f"{name}_not_finite": f"{name}s that are no numbers (NaN): the sensor or its driver gave none"
-    for name in ("force", "position")
+    f"{name}_not_finite": f"{name}s that {NO_NUMBERS}" for name in ("force", "position")
 }
 """What an input counts of readings that nothing can be made of."""
 

@@ -23,7 +23,8 @@ SUSPECT = "suspect: "
 CLEAR = 10.0
 """A channel moves if its range is so many times its noise."""
 
-
+NO_NUMBERS = "are no numbers (NaN): the sensor or its driver gave none"
+"""What is said of readings that are not finite, of those of a node and of a bag."""
 BEYOND_ANY_SENSOR = 1e12
 """Squares of what is smaller can be summed."""
 

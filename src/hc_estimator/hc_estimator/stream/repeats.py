@@ -8,6 +8,7 @@ every so often a repeated one counts, or the other sensor would be alone.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -31,6 +32,17 @@ def channels_held(position: bool, force: bool) -> tuple[str, ...]:
         force: whether those of the force sensor are.
     """
     return tuple(name for name, held in zip(SETTINGS, (position, force), strict=True) if held)
+
+
+def channels_held_by(settings: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the channels whose repeated readings settings leave out.
+
+    Args:
+        settings: of a node of sensors, or of the configuration of its estimates, by the names of
+            `SETTINGS`; one that is not there leaves none out.
+    """
+    position, force = (bool(settings.get(name)) for name in SETTINGS.values())
+    return channels_held(position, force)
 
 
 class Repeats:
