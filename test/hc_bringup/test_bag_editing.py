@@ -129,7 +129,11 @@ def test_parts_of_a_split_bag_make_up_the_whole(tmp_path: Path, capsys) -> None:
         (["merge", "whole", "other", "-o", "all"], "in one bag and std_msgs/msg/Int32 in other"),
         (["split", "none", "part", "--every", "1"], "none"),
         (["split", "whole", "part", "--every", "0"], "'0' is not a number > 0"),
-        (["split", "whole", "part", "--every", "1e-6"], "would be 1900001, and 10000 are the most"),
+        (
+            ["split", "whole", "part", "--every", "1e-6"],
+            "would be 1900001 folders, and 1000 are the most: --every 0.002, say",
+        ),
+        (["split", "whole", "part", "--every", "1.9e-3"], "would be 1001 folders"),
         (["convert", "whole", "part", "--topic", "/a"], "hc bag filter takes some topics of a bag"),
         (["split", "whole", ".", "--every", "1"], ". is no name that parts can have: give one"),
         (["splt", "whole"], "there is no 'splt'; did you mean 'split'?"),

@@ -56,8 +56,8 @@ class _Part:
         self.count += 1
 
 
-MOST_PARTS = 10_000
-"""Of a bag that is split: each is a folder."""
+MOST_PARTS = 1000
+"""Of a bag that is split: each is a folder, and few want more beside one another."""
 
 
 def filter_bag(
@@ -197,9 +197,11 @@ def split_bag(
             raise BagError(f"{target} is no name that parts can have: give one, for example part")
         count = (last - first) // length + 1
         if count > MOST_PARTS:
+            least_s = (last - first) / NANOSECONDS / (MOST_PARTS - 1)
             raise BagError(
                 f"{source} is {(last - first) / NANOSECONDS:.3f} s long: parts of {seconds:g} s "
-                f"would be {count}, and {MOST_PARTS} are the most"
+                f"would be {count} folders, and {MOST_PARTS} are the most: "
+                f"--every {math.ceil(least_s * 1e3) / 1e3:g}, say"
             )
         for index in range(count):
             path = stem.with_name(f"{stem.name}_{index}")
