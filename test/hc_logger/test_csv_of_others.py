@@ -208,6 +208,56 @@ def test_a_last_line_that_was_cut_off_is_left_out_and_said(
     assert whole.findings.lines() == []
 
 
+def four_decimals(k: int) -> str:
+    return f"{12.0 + k / 7:.4f}"
+
+
+@pytest.mark.parametrize(
+    ("form", "cut"),
+    [
+        (four_decimals, "12."),
+        (four_decimals, "12"),
+        (four_decimals, "12.345"),
+        (four_decimals, "-"),
+        (four_decimals, ""),
+        (lambda k: f"{(k + 1) / 700:.6e}", "1.23"),
+        (lambda k: f"{(k + 1) / 700:.6e}", "1.234567e-"),
+        (lambda k: repr(12.0 + (k + 0.5) / 7.31), "12.3"),
+        (lambda k: "" if k % 5 == 4 else four_decimals(k), "12.3"),
+    ],
+)
+@pytest.mark.parametrize("more", ["", ",7"])
+def test_a_last_number_that_was_cut_is_no_reading(tmp_path: Path, form, cut, more) -> None:
+    """Regression: "12." of "12.3456" was read as 12 where a logger had been killed."""
+    table = "".join(f"{k / 1e3:.3f},{k / 50:.4f},{form(k)}{more}\n" for k in range(60))
+    head = "time_s,displacement_mm,force_N" + (",valve" if more else "") + "\n"
+    recording = read_recording(write(tmp_path / "cut.csv", f"{head}{table}0.060,1.2000,{cut}"))
+    assert len(recording.time_s) == 60
+    (line,) = [one for one in recording.findings.lines() if "alone" not in one]
+    assert line == (
+        f"the last line has no end, and its number {cut!r} less than the others in its column: "
+        "it was cut off, and is left out"
+    )
+
+
+@pytest.mark.parametrize(
+    ("form", "last", "end"),
+    [
+        (four_decimals, "12.", "\n"),
+        (four_decimals, "12.3456", ""),
+        (lambda k: f"{k:d}", "7", ""),
+        (lambda k: f"{k / 4:g}", "12", ""),
+        (lambda k: repr(k / 7), "12.34567890123456", ""),
+    ],
+)
+def test_a_last_line_that_seems_complete_is_read(tmp_path: Path, form, last, end) -> None:
+    table = "".join(f"{k / 1e3:.3f},{k / 50:.4f},{form(k)}\n" for k in range(60))
+    text = f"time_s,displacement_mm,force_N\n{table}0.060,1.2000,{last}{end}"
+    recording = read_recording(write(tmp_path / "whole.csv", text))
+    assert recording.force_n[60] == float(last)
+    assert recording.findings.lines() == []
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_logger.csv_columns import tells_an_error
+from hc_logger.csv_ending import cut_off_note
 from hc_logger.csv_header import row_of_header
 from hc_logger.csv_layout import NO_COLUMN, CsvLayout
 from hc_logger.csv_number import (
@@ -31,7 +32,7 @@ from hc_logger.csv_number import (
     time_of_day,
 )
 from hc_logger.csv_table import LARGEST_SUMMARY, names_quantities
-from hc_logger.csv_text import is_cut_off, limited_lines, split_line
+from hc_logger.csv_text import limited_lines, split_line
 from hc_logger.errors import BagError
 
 BLOCK_ROWS: Final = 65536
@@ -85,8 +86,7 @@ class RowReader:
         """Yield the rows in blocks (rows, 3): s, mm, N.
 
         Raises:
-            BagError: if the file cannot be read, or holds something else than such rows; names line
-                and column.
+            BagError: if the file cannot be read or holds other rows; names line and column.
         """
         layout = self._layout
         stream = limited_lines(self._path, layout.encoding)
@@ -96,9 +96,9 @@ class RowReader:
         factors = np.array(layout.factors)
         while not self._has_ended and (lines := list(islice(stream, BLOCK_ROWS))):
             self.characters += sum(map(len, lines))
-            if is_cut_off(lines[-1], layout):
+            if note := cut_off_note(lines, layout):
                 lines.pop()
-                self.notes.append("the last line is cut off in its middle: it is left out")
+                self.notes.append(note)
             if layout.nanoseconds != NO_COLUMN:
                 lines = [self._with_whole_time(text) for text in lines]
             if layout.status != NO_COLUMN:

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from hc_logger.csv_layout import CsvLayout
 from hc_logger.csv_open import open_table
 from hc_logger.errors import BagError
 from hc_logger.other_files import what_begins_with
@@ -119,13 +118,6 @@ def limited_lines(path: Path, encoding: str) -> Iterator[str]:
                 yield line
     except UnicodeError:
         raise BagError(f"{path} is not a text in {encoding}: give its encoding") from None
-
-
-def is_cut_off(line: str, layout: CsvLayout) -> bool:
-    """Whether a line has no end and too few cells: the writing of the file ended within it."""
-    unfinished = bool(line.strip()) and not line.endswith("\n")
-    least = layout.width if layout.separator == " " else max(layout.indices) + 1
-    return unfinished and len(split_line(line, layout.separator)) < least
 
 
 def split_line(line: str, separator: str) -> list[str]:
