@@ -16,6 +16,11 @@ fail() {
     exit 1
 }
 
+# Python cannot start there, and what is left behind would pass for broken byte code.
+[ -e "${PWD:-}" ] || case $(readlink /proc/self/cwd) in
+*' (deleted)') fail 'the folder that you are in has been deleted: go to another one (cd)' ;;
+esac
+
 fingerprint() { # of what the environment was made from, and of what the messages were made from
     case $1 in
     environment) { printf '%s\n' "$root"; cat "$root/requirements.lock"; } ;;

@@ -120,3 +120,15 @@ def test_nothing_is_written_where_a_file_may_not_grow(environment: Path) -> None
         timeout=120,
     )
     assert not list((environment / "byte_code").rglob("hc_bringup/cli.*.pyc"))
+
+
+def test_a_start_from_a_folder_that_was_deleted_is_one_line(environment: Path) -> None:
+    """Regression: "missing: Python 3.10 to 3.13", and the next start made all byte code anew."""
+    gone = environment.parent / "gone"
+    gone.mkdir()
+    start = f"cd {gone} && rmdir {gone} && exec {environment.parent / 'hc'} --version"
+    done = subprocess.run(["sh", "-c", start], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1
+    said = done.stderr.splitlines()[-1]  # the shell itself may complain before
+    assert said == "hc: the folder that you are in has been deleted: go to another one (cd)"
+    assert not list(environment.glob(".starting.*"))
