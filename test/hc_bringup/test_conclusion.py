@@ -127,6 +127,30 @@ def test_the_bag_of_somebody_elses_recorder_is_none_of_this_run(tmp_path, capsys
     assert json.loads(summary)["not_recorded"] == 0
 
 
+@pytest.mark.parametrize(
+    ("said", "respawns", "expected"),
+    [
+        ({"closed": "1", "/hc/estimate messages": "690", "/hc/estimate dropped": "3"}, 0, 307 + 3),
+        ({"closed": "1", "/hc/estimate messages": "997", "/hc/estimate dropped": "3"}, 0, 3),
+        ({"closed": "0", "/hc/estimate messages": "690"}, 0, 3),  # it may have got more since
+        ({"closed": "1", "/hc/estimate messages": "690"}, 1, 3),  # of the last bag alone
+        ({"closed": "1", "/hc/estimate messages": "690", "unwritten": "307"}, 0, 3),
+        ({"closed": "1", "/hc/estimate messages": "0"}, 0, 3),  # estimates came in batches
+        ({}, 0, 3),
+    ],
+)
+def test_what_a_recorder_missed_at_the_end_is_not_recorded(
+    tmp_path, capsys, said, respawns, expected
+):
+    """Regression: stopped for the last 20 s of a run, and "not_recorded": 0."""
+    bag = bag_with(tmp_path / "rec", {"/hc/estimate": 690})
+    state = RunState(EstimateStatistics(), 0.0, dropped={str(bag): 3}, respawns=respawns)
+    state.statistics.estimates = 1000
+    state.diagnostics["recorder"] = said
+    conclude(state, [], bag, as_json=True, with_latency=False)
+    assert json.loads(capsys.readouterr().out)["not_recorded"] == expected
+
+
 def test_a_bag_that_was_renamed_meanwhile_is_named_as_it_is(tmp_path, capsys):
     """Regression: "bag: OLD", of which there was nothing."""
     bag_with(tmp_path / "new", {"/a": 3})

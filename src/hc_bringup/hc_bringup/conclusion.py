@@ -15,8 +15,10 @@ from hc_bringup.summary import run_summary, run_text, to_json, why_unusable
 from hc_bringup.wrapping import say, wrapped
 from hc_logger.errors import BagError
 from hc_logger.metadata import FILE_NAME, read_information
+from hc_logger.selection import full_name
 from hc_logger.writer import numbered_bags
-from hc_msgs_py.topics import NODE_RECORDER
+from hc_msgs_py.diagnostics import number_said
+from hc_msgs_py.topics import ESTIMATE, NODE_RECORDER
 
 LONGEST_WITHOUT_ESTIMATE_S = 1.0
 _OF_NODES = ("diagnostics", "rosout", "parameter_events", "configuration")
@@ -45,6 +47,9 @@ def conclude(
     bags = []
     if bag is not None:
         state.dropped = {name: n for name, n in state.dropped.items() if _is_of(bag, name)}
+        missing = _missing_at_the_end(state)
+        if missing and state.dropped:
+            state.dropped[list(state.dropped)[-1]] += missing
         bags = list(state.dropped) or [str(folder) for folder in numbered_bags(bag)] or [str(bag)]
         bags = [_where_now(name, state.diagnostics.get(NODE_RECORDER, {})) for name in bags]
     first = bags[0] if bags else None
@@ -59,6 +64,25 @@ def conclude(
     if cut:  # of a recorder that died and was started again
         print(wrapped(cut, stream=sys.stderr), file=sys.stderr)
     return None if first is None else Path(first)
+
+
+def _missing_at_the_end(state: RunState) -> int:
+    """Count the estimates behind the last one that the recorder got.
+
+    What is missing before a message is seen by its number. Of a recorder that stood still when the
+    run ended (a disk that hangs, Ctrl-Z) the last messages have none behind them.
+    """
+    said = state.diagnostics.get(NODE_RECORDER, {})
+    if not number_said(said, "closed") or number_said(said, "unwritten") or state.respawns:
+        return 0  # its last counts are unknown, or those of a part, or it says itself why
+    missing = 0
+    for one in (state, *state.others):
+        topic = full_name(ESTIMATE, f"/{one.estimator.rpartition('/')[0]}")
+        messages = number_said(said, f"{topic} messages")
+        if messages > 0.0:  # of batches of estimates there are none on this topic
+            got = messages + number_said(said, f"{topic} dropped")
+            missing += max(0, one.statistics.estimates - int(got))
+    return missing
 
 
 def _where_now(name: str, said: dict[str, str]) -> str:

@@ -97,6 +97,7 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._selection = options.selection
         self._skipped: dict[str, str] = {}
         self._reported_failure = ""
+        self._closed = False
         self._last_reported = (time.monotonic(), 0)
         self._clock_of_reception = ReceptionClock()
         self._drained_s = time.monotonic()
@@ -294,6 +295,7 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
             "dropped": session.dropped,
             "clock_jumps": len(self._clock_of_reception.jumps_ns),
             "unwritten": session.unwritten,
+            "closed": int(self._closed),  # the counts are those of the whole bag
         }
         for tap in self._taps.values():
             count = session.counts[tap.number]
@@ -325,6 +327,7 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         if jumps:
             writer.set_custom_data("clock_jumps_s", ", ".join(f"{j * 1e-9:.6f}" for j in jumps))
         self._session.close()
+        self._closed = True
         if self._removes_empty and not (writer.message_count or self._session.failure):
             writer.discard()
         if self._session.failure and not self._reported_failure:
