@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
 import numpy as np
@@ -76,3 +77,22 @@ def test_hours_and_minutes_are_not_taken_for_minutes_and_seconds(tmp_path: Path)
     assert time_of_day("75:03,25") == 4503.25
     with pytest.raises(BagError):
         read_recording(write(tmp_path / "table.csv", HEAD + "12:34,1,2\n12:35,1,2\n"))
+
+
+def test_summer_time_that_ends_is_no_step_where_the_zone_is_told(tmp_path: Path) -> None:
+    """Regression: the clock was an hour back from there on (2026-10-25, three o'clock)."""
+    assert time_of_day("2026-10-25T02:59:59.5+02:00") == 3599.5
+    assert time_of_day("2026-10-25T02:00:00.5+01:00") == 3600.5
+    assert time_of_day("00:30:00-0330") == 4.0 * 3600.0
+    assert time_of_day("00:30:00 +01:00") == 23.5 * 3600.0
+    assert time_of_day("12:00:01Z") == time_of_day("12:00:01") == 43201.0
+    begun = datetime(2026, 10, 25, 0, 59, 58, tzinfo=timezone.utc)
+    rows = []
+    for k in range(400):
+        now = begun + timedelta(milliseconds=10 * k)
+        zone = timezone(timedelta(hours=2 if k < 200 else 1))
+        rows.append(f"{now.astimezone(zone).isoformat(timespec='milliseconds')},{k / 100},1.5\n")
+    path = tmp_path / "autumn.csv"
+    path.write_text("timestamp,displacement_mm,force_N\n" + "".join(rows))
+    time_s = read_recording(path).time_s
+    np.testing.assert_allclose(np.diff(time_s), 0.01, atol=1e-6)

@@ -31,7 +31,7 @@ _ONE_GROUP: Final = re.compile(r"[-+]?[1-9]\d{0,2}[.,]\d{3}")
 _CLOCK: Final = re.compile(
     r"(?:\d{1,4}[-./ ](?:\d{1,2}|[A-Za-z]{3,9})[-./ ]\d{1,4},?[ T]+)?"
     r"(?P<hour>\d{1,2}):(?P<minute>\d{2}):(?P<second>\d{2})(?:[.,](?P<part>\d{1,12})|:(?P<ms>\d{3}))?"
-    r"(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?(?:\s*(?:Z|UTC|[+-]\d{2}:?\d{2}))?"
+    r"(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?(?:\s*(?:Z|UTC|(?P<ahead>[+-])(?P<zone_h>\d{2}):?(?P<zone_min>\d{2})))?"
 )
 _MINUTES: Final = re.compile(r"(?P<minute>\d{1,4}):(?P<second>\d{2})[.,](?P<part>\d{1,12})")
 """As spreadsheets show a time, mm:ss.0; without a fraction it may be hours and minutes."""
@@ -130,7 +130,8 @@ def thousands_in_doubt(name: str, pair: tuple[str, str], decimal: str) -> str:
 def time_of_day(cell: str) -> float | None:
     """Return the seconds since midnight of a time as on a clock, with a date before it or not.
 
-    Of minutes and seconds with a fraction (59:58.125) since the full hour, or a timer's start.
+    With a zone (+02:00) since midnight UTC. Of minutes and seconds with a fraction (59:58.125)
+    since the full hour, or a timer's start.
     NaN for a cell that says there is none, None for other text.
     """
     text = cell.strip()
@@ -150,7 +151,12 @@ def time_of_day(cell: str) -> float | None:
     if hour > 23 or minute > 59 or second > 60:
         return None
     part = float(f"0.{found['part']}") if found["part"] else float(found["ms"] or 0) * 1e-3
-    return 3600.0 * hour + 60.0 * minute + second + part
+    since = 3600.0 * hour + 60.0 * minute + second + part
+    if not found["ahead"]:
+        return since
+    # Of UTC: summer time that ends within a recording is no step of its clock.
+    zone = 3600.0 * int(found["zone_h"]) + 60.0 * int(found["zone_min"])
+    return (since - math.copysign(zone, float(f"{found['ahead']}1"))) % DAY_S
 
 
 def clock_period(cells: Iterable[str]) -> float:
