@@ -77,7 +77,7 @@ OWNERS = {
         "multiple_model/delay_sensitivity",
     ),
     "judge": ("multiple_model/judge", "multiple_model/choice", "multiple_model/reserve"),
-    "change": ("multiple_model/change",),
+    "change": ("multiple_model/change", "multiple_model/zero_step"),
     "maneuver": ("multiple_model/maneuver", "multiple_model/departure"),
     "kept row": ("multiple_model/maneuver",),
     "history": ("multiple_model/history", "multiple_model/batch_fit"),
@@ -112,7 +112,11 @@ OWNERS = {
     ),
     "kept point": ("multiple_model/delay_points",),
     "held": ("multiple_model/alignment", "multiple_model/held_readings"),
-    "gate": ("multiple_model/outliers", "multiple_model/jumps"),
+    "gate": (
+        "multiple_model/outliers",
+        "multiple_model/jumps",
+        "multiple_model/position_step",
+    ),
     "given": ("multiple_model/report",),
     "onset": (
         "multiple_model/contact_onset",
@@ -171,14 +175,18 @@ GUESTS = {
     "filters/self_tuning_ukf": {"change": "detected"},
     "multiple_model/contact_onset": {"row": "position_deviation"},
     # Everything that was remembered with the old zeros is moved here.
+    "multiple_model/zero_step": {
+        "row": "active covariance innovation innovation_variance nis state",
+    },
     "multiple_model/zero_moves": {
+        "clock": "measurement",
         "air": "sum",
         "delay": "raw_value",
         "given": "predicted_force reconstructed_force",
         "held": "value",
         "motion": "first states",
         "noise": "readings",
-        "row": "position_deviation state",
+        "row": "covariance position_deviation state",
     },
     "multiple_model/moving_fit": {
         "judge": "chosen found found_at",

@@ -41,6 +41,7 @@ TOUCHED = 1.0  # time in contact after which the first touch is over [s]
 SETTLING = 0.06  # time outside that is left to a force that is late, or to what sticks [s]
 FINER = 0.5  # of a deviation at which a mean takes its place
 LONGEST = 1.0  # of readings that are judged together [s]
+FEWEST_CLEAR = 8  # readings that make a mean which is another zero beyond doubt
 AWAY = 4.0  # deviations of a reading from those before it, from which on it may be another zero
 VISITS = 20.0  # whose mean square of what the zero was off counts
 FORGETTING = 10.0  # time outside after which a mean begins anew [s]
@@ -126,9 +127,10 @@ def _take(bank: Any, time: float, depth: float) -> None:
         air.away = air.away + above if air.away * above > 0 else above
         if abs(air.away) < STEPPED:
             return
+        zero = bank.onset.zero[1]
         _conclude(bank, time)
         _begin(air)
-        force = bank.clock.measurement[1]
+        force -= bank.onset.zero[1] - zero
     air.away = 0
     air_window.add(air.window, depth, force)
 
@@ -163,7 +165,8 @@ def _conclude(bank: Any, time: float) -> None:
     """Judge a stretch outside, and move the zero if the mean says so; too few readings wait."""
     air, noise, window = bank.air, bank.sensor_noise, bank.air.window
     count, mean = window.count, window.mean[1]
-    if count < FEWEST:
+    clear = mean * mean > SURE * SURE * noise[1]
+    if count < (FEWEST_CLEAR if clear else FEWEST):
         return
     shown = _is_air(bank)
     calm = air_window.is_calm(window, noise[1], WILDEST)

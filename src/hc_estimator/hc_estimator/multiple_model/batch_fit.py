@@ -88,10 +88,10 @@ def update(settings: Any, bank: Any) -> bool:
     if history.fitted == 0:
         for i in range(4):
             history.fit[i] = constant.state[LOG_STIFFNESS + i]
-    force_noise = histories.noise_of_points(bank)[1]
+    depth_noise, force_noise = histories.noise_of_points(bank)[:2]
     independent = count * min(finder.grid_step * history.every / finder.grid_width, 1.0)
     _take_velocity_noise(bank, independent)
-    left = _fit(settings, history, force_noise, independent)
+    left = _fit(settings, history, depth_noise, force_noise, independent)
     if left < 0.0:
         row.active = 0
         _forget(history)
@@ -192,6 +192,7 @@ def _take_velocity_noise(bank: Any, independent: float) -> None:
 def _fit(
     settings: Any,
     history: Any,
+    depth_noise: float,
     force_noise: float,
     independent: float,
 ) -> float:
@@ -200,7 +201,8 @@ def _fit(
     Args:
         settings: settings record.
         history: points; the fit is changed.
-        force_noise: variance of a point's force by its share in the information [N^2].
+        depth_noise: variance of a point's depth by its share in the information [mm^2].
+        force_noise: the same of its force [N^2].
         independent: number of points whose errors are independent of one another.
 
     Returns:
@@ -209,7 +211,7 @@ def _fit(
     count = history.count - histories.oldest(history)
     left, total = math.inf, 0.0
     for _ in range(PASSES):  # the weights are those of the law found before
-        total = weigh(settings, history, force_noise)
+        total = weigh(settings, history, depth_noise, force_noise)
         squares = gather(settings, history, history.fit)
         before = max(squares / count, 1.0)
         if not _hold(settings, history, 1.0 / before):
@@ -228,7 +230,7 @@ def _fit(
     missed = 0.0
     for _ in range(MISFIT_PASSES if left > MISFITS else 0):
         missed = max(missed + (left - 1.0) * total / count, 0.0)
-        total = weigh(settings, history, force_noise + missed)
+        total = weigh(settings, history, depth_noise, force_noise + missed)
         squares = gather(settings, history, history.fit)
         squares = improve(settings, history, 1.0, squares)
         if not math.isfinite(squares):

@@ -22,22 +22,22 @@ from typing import Any
 from hc_estimator.adaptation import motion_density
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import judge as judging
+from hc_estimator.multiple_model import zero_step
 from hc_estimator.multiple_model.hypotheses import (
     ACCELERATION,
     FRESH,
     LOG_DAMPING,
     LOG_STIFFNESS,
+    ZERO_STEP,
     is_tried,
 )
 from hc_estimator.multiple_model.model_error import THRESHOLD, raise_model_error
 from hc_estimator.multiple_model.rows import free_parameters, prior_deviation, seed, take_motion
+from hc_estimator.multiple_model.zero_step import FORGETTING_TIME, LEAD, SETTLED
 
 PROBATION = 2.0  # time in contact over which a fresh row may compete [s]; none before it
-FORGETTING_TIME = 0.5  # of the log likelihood ratios [s]
-LEAD = 10.0  # log likelihood ratio that is clear
 KEEP = 20.0  # that the fresh row needs at the end of the probation
 FLOOR = 15.0  # of the ratios, below zero
-SETTLED = 0.5  # time after which a fresh row that is clearly worse is given up [s]
 CALM = 0.3  # share of an alarm up to which the reference explains all by itself
 TRUSTED_AFTER = 3.0  # rows that have fitted for so long are believed [s]
 # A row that has seen one velocity only cannot tell a turn of the tool from another tissue: it is
@@ -59,10 +59,12 @@ def reset(change: Any, rows: Any) -> None:
 
 @compiled
 def end_test(change: Any, rows: Any) -> None:
-    """Go on without the fresh row."""
+    """Go on without the rows under test."""
     change.testing = 0
     change.leads = 0
+    change.zero_leads = 0
     rows[FRESH].active = 0
+    rows[ZERO_STEP].active = 0
 
 
 @compiled
@@ -101,6 +103,7 @@ def begin_test(settings: Any, bank: Any, ahead: float) -> bool:
     free_parameters(settings, fresh, DEVIATIONS)
     if motion_density.is_settled(bank.motion):
         take_motion(settings, fresh, bank.motion, bank.sensor_noise[0], ahead)
+    zero_step.begin(settings, bank, reference)
     return True
 
 
@@ -118,6 +121,8 @@ def answer(settings: Any, bank: Any, ahead: float) -> None:
         row = bank.rows[m]
         if row.active == 0 or row.alarm == 0:
             continue
+        if change.zero_leads != 0 and m < FRESH:
+            continue  # the law has not been asked since
         if m == chosen and change.testing == 0 and begin_test(settings, bank, ahead):
             continue
         raise_model_error(settings, row, bank.sensor_noise[1])
@@ -130,13 +135,13 @@ def _others_are_beaten(change: Any, rows: Any, elapsed: float) -> bool:
     """Advance the ratios to all rows; True if each raised an alarm too or is clearly beaten."""
     beaten = True
     evidence = rows[FRESH].evidence
-    for m in range(FRESH):
+    for m in range(rows.shape[0]):
         row = rows[m]
-        if row.active == 0:
+        if row.active == 0 or m == FRESH:
             continue
         lead = row.change_lead * (1.0 - elapsed / FORGETTING_TIME) + evidence - row.evidence
         row.change_lead = max(lead, -FLOOR)
-        if row.alarmed == 0 and row.change_lead < LEAD:
+        if row.alarmed == 0 and row.change_lead < (LEAD if m < FRESH else 0.0):
             beaten = False
     return beaten
 
@@ -187,24 +192,50 @@ def is_explained(change: Any) -> bool:
 
 
 @compiled
-def judge_test(bank: Any) -> None:
-    """After all rows have used a sample in contact: who leads, and is it over?
+def _is_late(bank: Any) -> bool:
+    """True if a noise that jumped would have been seen by now."""
+    return bool(bank.change.time > SEEN_LATE * bank.clock.force_elapsed)
 
-    The record `change` is changed, and if it is another tissue `judge` and `rows`.
+
+@compiled
+def judge_test(bank: Any, touching: bool) -> bool:
+    """After all rows have used a force: who leads, and is it over?
+
+    Args:
+        bank: its record `change` is changed; if it is another tissue `judge` and `rows`, and if it
+            is another zero all that was read since.
+        touching: True if there is contact; out of it nothing is weighed.
+
+    Returns:
+        True if it is another zero.
     """
-    change, rows, elapsed = bank.change, bank.rows, bank.clock.force_elapsed
-    rose = bank.noise[0].jumped > 0 or bank.noise[1].jumped > 0
-    late = change.time > SEEN_LATE * elapsed
-    if rose and not late:
-        # The alarm was the sensor's. If the tissue changed as well, the next alarm is near.
+    change, rows, beaten = bank.change, bank.rows, False
+    if touching:
+        rose = bank.noise[0].jumped > 0 or bank.noise[1].jumped > 0
+        if rose and not _is_late(bank):
+            # The alarm was the sensor's. If the tissue changed as well, the next alarm is near.
+            end_test(change, rows)
+            return False
+        change.time += bank.clock.force_elapsed
+        reference = rows[change.reference]
+        calm = reference.model_error == 0.0 and reference.alarm_sum < CALM * THRESHOLD
+        change.calm_time = change.calm_time + bank.clock.force_elapsed if calm else 0.0
+        beaten = _others_are_beaten(change, rows, bank.clock.force_elapsed)
+        zero_step.weigh(change, rows, bank.clock.force_elapsed)
+    if zero_step.is_it(change, rows, change.time > PROBATION):
+        zero_step.take(bank)
         end_test(change, rows)
-        return
-    change.time += elapsed
-    reference = rows[change.reference]
-    calm = reference.model_error == 0.0 and reference.alarm_sum < CALM * THRESHOLD
-    change.calm_time = change.calm_time + elapsed if calm else 0.0
-    beaten = _others_are_beaten(change, rows, elapsed)
-    ratio = reference.change_lead
+        return True
+    if touching:
+        _judge_fresh(bank, beaten)
+    return False
+
+
+@compiled
+def _judge_fresh(bank: Any, beaten: bool) -> None:
+    """Is it another tissue? `beaten`: all rows but the reference are."""
+    change, rows = bank.change, bank.rows
+    ratio = rows[change.reference].change_lead
     over = change.time > PROBATION
     if over and change.leads == 0:  # whatever happens to the rows just now came too late
         end_test(change, rows)
@@ -215,10 +246,10 @@ def judge_test(bank: Any) -> None:
     elif change.leads != 0 and (ratio < -LEAD or not believed):
         change.leads = 0
     differs = _differs(change, rows)
-    at_once = change.trusted != 0 and late and differs
+    at_once = change.trusted != 0 and _is_late(bank) and differs
     if change.leads != 0 and (at_once or (over and ratio > KEEP)):
         change.detected = 1 if differs else 0
-        judging.give_to_all(bank.judge, rows, bank.tool.contact_clock)
+        judging.give_to_all(bank.judge, rows, FRESH, bank.tool.contact_clock)
         end_test(change, rows)
         return
     hopeless = ratio < -LEAD or (change.fitted != 0 and not believed)

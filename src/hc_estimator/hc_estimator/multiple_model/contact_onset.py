@@ -45,6 +45,7 @@ from hc_estimator.multiple_model.hypotheses import DEPTH, SURFACE_ROW, VELOCITY,
 SURE = 5.0  # deviations of the force sensor beyond which there is a force
 CAME_DOWN, BETWEEN = 1, 2  # where the tool was seen in the air; see `records`
 IN_A_ROW = 3  # readings that must say so
+FEW, MANY = 2, 10  # readings below what is sure, and of a level beyond it
 GROWTH = 1.5  # of the force since it was first sure
 LARGEST_DELAY = 0.06  # of the channels while it is not known [s]
 # Of the contact position from the zero; and largest deviation of the tool's place [mm].
@@ -76,6 +77,7 @@ def restart(onset: Any) -> None:
     onset.looked_back = 0
     onset.about_time = math.nan
     onset.free = 0
+    onset.low = 0
     onset.in_air = 0
     onset.force_seen = 0
     onset.touched = 0
@@ -182,7 +184,10 @@ def _take(
                 return True
     # One reading below that of many beyond is noise: the tool was not free there.
     is_level = onset.window.count >= IN_A_ROW and onset.window.mean[1] >= sure
+    if is_level and onset.low <= FEW and onset.window.count >= MANY:
+        onset.free = 0  # nor was it at the very first ones
     if force < sure and not is_level:
+        onset.low += 1
         onset.contradictions = 0
         onset.first_force = 0.0
         if onset.force_seen != 0:

@@ -2,8 +2,8 @@
 
 All share the motion model and the contact law. They differ in what the parameters may do between
 two samples: nothing, walk, follow a rate that is a state of its own, or stay while the surface
-moves. To add one, add a row here, before the last; nothing else names
-the rows by number. What it is reported as is one of `estimate.Hypothesis`, or a new one there.
+moves. To add one, add a row here, before the last two; nothing else names the rows by number. What
+it is reported as is one of `estimate.Hypothesis`, or a new one there.
 
 Every row has the states [d, v, ln K, ln B, n, p, a] and up to three of its own. A state of its own
 drives others at a constant rate; the first may also be the contact position. (A static bank: Bar-
@@ -43,6 +43,7 @@ class HypothesisRow:
         own_walks: variance that each own state gains per second.
         own_variances: variance of each own state at the start.
         surface: True if the first own state is the contact position [mm], the second its rate.
+        lifted: True if the first own state is what the force's zero is off [N].
         waits: True if it takes no part until something has begun it: a fit, an alarm.
         reserve: True if it takes part only while constant tissue does not do; see `reserve`.
         refines: logarithm of the likelihood ratio over the first row with the same hypothesis from
@@ -57,6 +58,7 @@ class HypothesisRow:
     own_walks: tuple[float, ...] = ()
     own_variances: tuple[float, ...] = ()
     surface: bool = False
+    lifted: bool = False
     waits: bool = False
     reserve: bool = False
     refines: float = math.nan
@@ -158,10 +160,22 @@ ROWS = (
         reserve=True,
         refines=-5.0,
     ),
-    # The tissue begun anew; see `change`. Always the last row.
+    # The tissue begun anew; see `change`. Always the last row but one.
     HypothesisRow(Hypothesis.CHANGED, (CALM, CALM, CALM, CALM), waits=True),
+    # The tissue as it was, under another zero of the force; see `zero_step`. Always the last row.
+    HypothesisRow(
+        Hypothesis.CHANGED,
+        (CALM, CALM, CALM, CALM),
+        own=1,
+        drives=((0.0, 0.0, 0.0, 0.0),),
+        own_walks=(0.0,),
+        own_variances=(1.0,),
+        lifted=True,
+        waits=True,
+    ),
 )
-FRESH = len(ROWS) - 1
+FRESH = len(ROWS) - 2
+ZERO_STEP = len(ROWS) - 1
 FITTED = 1
 
 # The same as arrays, which compiled code sees as constants.
@@ -169,13 +183,14 @@ CODES = np.array([int(row.hypothesis) for row in ROWS])
 COUNTS = np.array([OWN + row.own for row in ROWS])
 WALKS = np.array([row.walks for row in ROWS])
 SURFACE = np.array([row.surface for row in ROWS])
+LIFTED = np.array([row.lifted for row in ROWS])
 WAITS = np.array([row.waits for row in ROWS])
 RESERVE = np.array([row.reserve for row in ROWS])
 REFINED_FROM = np.array([row.refines for row in ROWS])
 REFINES = np.isfinite(REFINED_FROM)
 # Of a row that refines another, that one; of others, themselves.
 PLAIN = np.array([list(CODES).index(CODES[m]) if REFINES[m] else m for m in range(len(ROWS))])
-TREND_ROW = next(m for m, row in enumerate(ROWS) if row.own == 1)
+TREND_ROW = next(m for m, row in enumerate(ROWS) if row.own == 1 and not row.lifted)
 EXPONENT_ROW = next(m for m, row in enumerate(ROWS) if row.hypothesis == Hypothesis.ALL_DRIFT)
 STEADY_SURFACE_ROW = int(np.flatnonzero(SURFACE)[0])
 # The freest of those that always take part: it says what is known at least.

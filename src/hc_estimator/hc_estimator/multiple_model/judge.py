@@ -283,18 +283,17 @@ def go_on_with_fit(judge: Any, rows: Any, clock: float) -> None:
 
 
 @compiled
-def give_to_all(judge: Any, rows: Any, clock: float) -> None:
-    """The fresh row is the tissue from now on: every row begins where it stands."""
-    fresh = rows[FRESH]
-    since = fresh.since
+def give_to_all(judge: Any, rows: Any, source: int, clock: float) -> None:
+    """A row that was under test is the tissue from now on: every row begins where it stands."""
+    since = rows[source].since
     for m in range(FRESH):
         row = rows[m]
         if row.active == 0:
             continue
-        seed(fresh, row, since, clock)
+        seed(rows[source], row, since, clock)
         row.model_error = 0.0
         for slot in range(SLOTS):
-            copy_vector(judge.said[slot, FRESH], judge.said[slot, m])
+            copy_vector(judge.said[slot, source], judge.said[slot, m])
     judge.chosen = 0
     judge.varying = 0
     clear_matrix(judge.spread)

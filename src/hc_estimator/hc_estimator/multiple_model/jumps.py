@@ -17,7 +17,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import grid as grids
-from hc_estimator.multiple_model import raw_readings
+from hc_estimator.multiple_model import position_step, raw_readings
 from hc_estimator.multiple_model.delay_records import RAW
 from hc_estimator.multiple_model.hypotheses import DEPTH, EXPONENT, LOG_STIFFNESS
 from hc_estimator.multiple_model.kalman import depth_of, force_at
@@ -30,7 +30,8 @@ STUCK_AGREEING_TIME = 0.2  # and for how long [s]
 STEPS = 3  # between readings that say a velocity
 DEVIATIONS = 3.0
 SAME = 4.0  # deviations within which two forces are the same
-ALIKE = 0.1  # of a force, within which another one agrees
+ALIKE = 0.02  # of a force, within which another one agrees,
+ALIKE_MISFIT = 0.1  # and within which it does where the law does not fit
 CALM = 0.05  # of a force, within which it stands still although the tissue relaxes,
 CALM_TIME = 0.5  # and for how long, where a displacement has stood still for `LONGEST` [s]
 IN_PLACE, ELSEWHERE = 1, 2  # a displacement stands still where it was, or where it jumped to
@@ -50,6 +51,7 @@ def forget(gate: Any) -> None:
 def reset(gate: Any) -> None:
     """Both channels are believed."""
     forget(gate)
+    position_step.reset(gate)
     gate.force_still = 0
 
 
@@ -68,7 +70,7 @@ def begins(bank: Any, channel: int, stamp: float) -> bool:
         channel: 0 or 1.
         stamp: of the latest [s].
     """
-    last = _number_of(bank, channel, stamp)
+    last = number_of(bank, channel, stamp)
     first = _first_refused(bank, channel, last)
     stuck = raw_readings.are_equal(bank.delay, channel, first, last)
     if stuck:
@@ -105,6 +107,7 @@ def _begin(bank: Any, stamp: float, stuck: int) -> None:
     gate.jumped_at = stamp
     gate.agreeing = 0
     gate.stuck = stuck
+    position_step.forget(gate)
 
 
 @compiled
@@ -126,7 +129,7 @@ def stands_still(bank: Any, channel: int, stamp: float) -> bool:
         stamp: of the reading [s].
     """
     gate, finder = bank.gate, bank.delay
-    last, noise = _number_of(bank, channel, stamp), bank.sensor_noise[channel]
+    last, noise = number_of(bank, channel, stamp), bank.sensor_noise[channel]
     if channel == 1 and gate.force_still != 0:
         if bank.clock.measurement[1] == gate.force_value:
             return True
@@ -215,7 +218,7 @@ def is_back(bank: Any, stamp: float, half_width: float) -> bool:
         stamp: of the reading [s].
         half_width: of the gate [mm].
     """
-    finder, here = bank.delay, _number_of(bank, 0, stamp)
+    finder, here = bank.delay, number_of(bank, 0, stamp)
     if bank.gate.stuck != 0:
         return _moves(bank)
     if here <= raw_readings.oldest(finder, 0):
@@ -234,7 +237,7 @@ def is_believed(settings: Any, bank: Any, row: Any, stamp: float) -> bool:
         row: that is chosen.
         stamp: of the reading [s].
     """
-    gate, here = bank.gate, _number_of(bank, 0, stamp)
+    gate, here = bank.gate, number_of(bank, 0, stamp)
     if _moves(bank):
         _begin(bank, stamp, 0)  # it goes on, maybe somewhere else
     if gate.stuck == 0 and not stamp - gate.jumped_at < LONGEST:
@@ -292,13 +295,14 @@ def _agrees(settings: Any, bank: Any, row: Any, here: int, force: float) -> bool
         return False
     low = force_at(settings, row, depth, slow)
     high = force_at(settings, row, depth, fast)
-    within = settings.outlier_gate * math.sqrt(bank.sensor_noise[1] + row.model_error)
-    within += (ALIKE + DEVIATIONS * math.sqrt(max(unsure, 0.0))) * high
+    within = SAME * math.sqrt(bank.sensor_noise[1] + row.model_error)
+    alike = ALIKE_MISFIT if row.model_error > 0.0 else ALIKE
+    within += (alike + DEVIATIONS * math.sqrt(max(unsure, 0.0))) * high
     return bool(low - within <= force <= high + within)
 
 
 @compiled
-def _number_of(bank: Any, channel: int, stamp: float) -> int:
+def number_of(bank: Any, channel: int, stamp: float) -> int:
     """Number of the reading of a stamp [s]."""
     half = 0.5 * grids.period(bank.delay, channel)
     return raw_readings.latest_up_to(bank.delay, channel, stamp + half)

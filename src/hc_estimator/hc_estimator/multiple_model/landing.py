@@ -70,10 +70,15 @@ def _depth_variance(row: Any) -> float:
 
 
 @compiled
-def _depth_at(row: Any, force: float) -> float:
-    """Depth [mm] at which a row's law gives a force [N] at its velocity; 0 where it gives none."""
+def _velocity_of(row: Any) -> float:
+    """Velocity of the tool in the tissue [mm/s]."""
+    return row.state[VELOCITY] - row.state[OWN + 1]  # type: ignore[no-any-return]
+
+
+@compiled
+def depth_at(row: Any, force: float, velocity: float) -> float:
+    """Depth [mm] at which a row's law gives a force [N] at a velocity; 0 where it gives none."""
     state = row.state
-    velocity = state[VELOCITY] - state[OWN + 1]
     log_slope = state[LOG_STIFFNESS]
     if velocity != 0.0:
         drag = state[LOG_DAMPING] - state[LOG_STIFFNESS]
@@ -96,7 +101,7 @@ def stay_in_air(row: Any, reading: float, noise: float) -> None:
         noise: variance of the sensor [N^2].
     """
     covariance = row.covariance
-    deepest = _depth_at(row, max(reading, 0.0) + TOUCHING * math.sqrt(noise))
+    deepest = depth_at(row, max(reading, 0.0) + TOUCHING * math.sqrt(noise), _velocity_of(row))
     if depth_of(row) > deepest:
         row.state[OWN] = row.state[DEPTH] - deepest
     for i in range(OWN, OWN + 2):
@@ -118,7 +123,7 @@ def land(row: Any, reading: float, noise: float) -> bool:
         noise: variance of the sensor [N^2].
     """
     covariance, n = row.covariance, max(row.state[EXPONENT], 0.5)
-    depth = _depth_at(row, reading)
+    depth = depth_at(row, reading, _velocity_of(row))
     if not depth > 0.0:
         return False
     log_depth = math.log(depth)

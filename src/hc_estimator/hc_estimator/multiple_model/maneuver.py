@@ -231,14 +231,19 @@ def answer_at_once(settings: Any, bank: Any, time: float, log_speed: float) -> b
 
 
 @compiled
-def audit(settings: Any, bank: Any) -> None:
+def audit(settings: Any, bank: Any, explained: bool) -> None:
     """At the end of a test that found no other tissue: was there a maneuver at all?
 
     If the displacement has shown none, the alarm was neither: then the contact law does not fit.
+
+    Args:
+        settings: settings record.
+        bank: maneuver and rows are changed.
+        explained: True if the alarm was that of something else.
     """
     if bank.maneuver.doubted != 0:
         bank.maneuver.doubted = 0
-        if changes.is_explained(bank.change):
+        if explained or changes.is_explained(bank.change):
             return
         raise_model_error(settings, bank.rows[bank.judge.chosen], bank.sensor_noise[1])
 
@@ -302,8 +307,8 @@ def held_samples(elapsed: float) -> float:
 
 @compiled
 def is_turning(maneuver: Any, row: Any, elapsed: float) -> bool:
-    """True for the samples after a maneuver, but for the fresh row."""
-    return bool(row.index != FRESH and maneuver.since < held_samples(elapsed))
+    """True for the samples after a maneuver, but for rows under test."""
+    return bool(row.index < FRESH and maneuver.since < held_samples(elapsed))
 
 
 @compiled

@@ -112,13 +112,14 @@ def velocity_at(history: Any, point: Any) -> float:
 
 
 @compiled
-def weigh(settings: Any, history: Any, force_noise: float) -> float:
+def weigh(settings: Any, history: Any, depth_noise: float, force_noise: float) -> float:
     """Give each point its weight by the law at history.fit: the motion is not exact either.
 
     Args:
         settings: settings record.
         history: its points and its gradient are changed.
-        force_noise: variance of a point's force by its share in the information [N^2].
+        depth_noise: variance of a point's depth by its share in the information [mm^2].
+        force_noise: the same of its force [N^2].
 
     Returns:
         Summed variance of the points' forces [N^2].
@@ -131,7 +132,8 @@ def weigh(settings: Any, history: Any, force_noise: float) -> float:
         point = history.points[k % POINTS]
         velocity = velocity_at(history, point)
         law_at(settings, stiffness, damping, fit[2], fit[3], point.depth, velocity, gradient)
-        variance = force_noise + gradient[1] * gradient[1] * noise
+        variance = force_noise + gradient[0] * gradient[0] * depth_noise
+        variance += gradient[1] * gradient[1] * noise
         total += variance
         point.weight = 1.0 / variance
     return total

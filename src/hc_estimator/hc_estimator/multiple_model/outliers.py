@@ -14,8 +14,8 @@ from hc_estimator.adaptation import difference_noise
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import grid as grids
-from hc_estimator.multiple_model import jumps, readings
-from hc_estimator.multiple_model.hypotheses import DEPTH, FRESH
+from hc_estimator.multiple_model import jumps, position_step, readings
+from hc_estimator.multiple_model.hypotheses import DEPTH, FRESH, ZERO_STEP
 from hc_estimator.multiple_model.kalman import displacement_of
 
 OPEN_SAMPLES = 30  # inside the gate before it closes again
@@ -46,9 +46,10 @@ def is_outlier(settings: Any, bank: Any, chosen: Any, channel: int, place: float
     limit_squared = settings.outlier_gate * settings.outlier_gate
     innovation, variance = innovation_of(bank, chosen, channel)
     outside = bank.calibrated != 0 and innovation * innovation > limit_squared * variance
-    if outside and bank.change.testing != 0:  # an outlier is what neither tissue explains
-        other, by_other = innovation_of(bank, bank.rows[FRESH], channel)
-        outside = other * other > limit_squared * by_other
+    for m in (FRESH, ZERO_STEP):  # an outlier is what no row under test explains either
+        if outside and bank.rows[m].active != 0:
+            other, by_other = innovation_of(bank, bank.rows[m], channel)
+            outside = other * other > limit_squared * by_other
     counts = clock.outlier_counts
     count = counts[channel]
     if count > settings.outlier_limit:  # the gate is open
@@ -113,6 +114,13 @@ def _is_still_off(
     """
     if not outside and jumps.is_back(bank, stamp, half_width):
         _replace_refused(bank, 0, stamp)
+        bank.clock.outlier_counts[0] = 0
+        jumps.forget(bank.gate)
+        return False
+    if settings.find_zeros != 0 and position_step.look(
+        settings, bank, chosen, jumps.number_of(bank, 0, stamp)
+    ):
+        position_step.take(bank, chosen)
         bank.clock.outlier_counts[0] = 0
         jumps.forget(bank.gate)
         return False

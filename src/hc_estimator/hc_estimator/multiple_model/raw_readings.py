@@ -152,6 +152,22 @@ def stands_still(finder: Any, channel: int, last: int, noise: float) -> bool:
 
 
 @compiled
+def slope_between(finder: Any, channel: int, first: int, last: int) -> float:
+    """Mean rate of a channel between two readings [mm/s] or [N/s]."""
+    times, values = finder.raw_time[channel], finder.raw_value[channel]
+    change = values[last % RAW] - values[first % RAW]
+    return change / (times[last % RAW] - times[first % RAW])  # type: ignore[no-any-return]
+
+
+@compiled
+def change_between(finder: Any, channel: int, first: int, last: int, slope: float) -> float:
+    """By how much a later reading lies beside a rate through an earlier one [mm] or [N]."""
+    times, values = finder.raw_time[channel], finder.raw_value[channel]
+    elapsed = times[last % RAW] - times[first % RAW]
+    return values[last % RAW] - values[first % RAW] - slope * elapsed  # type: ignore[no-any-return]
+
+
+@compiled
 def _bend(finder: Any, channel: int, number: int) -> float:
     """How far a reading lies from the line through the two before it [mm] or [N]."""
     times, values = finder.raw_time[channel], finder.raw_value[channel]

@@ -12,6 +12,7 @@ from hc_estimator.adaptation.difference_noise import NOISE
 from hc_estimator.adaptation.motion_density import INDICES, MOTION
 from hc_estimator.adaptation.noise_color import COLOR
 from hc_estimator.memory import Field, record_type
+from hc_estimator.multiple_model.alarm_records import CHANGE, GATE
 from hc_estimator.multiple_model.delay_records import DELAY, TERMS
 from hc_estimator.multiple_model.hypotheses import FRESH, ROWS, STATES
 from hc_estimator.multiple_model.place_records import PLACE
@@ -117,23 +118,6 @@ JUDGE = record_type(
         # Row that says what least squares say, and contact clock then [s]; 0: none does.
         Field("found", np.int64, (), 0, ROW_COUNT - 1),
         Field("found_at", np.float64),
-    )
-)
-
-# Is it another tissue?
-CHANGE = record_type(
-    (
-        Field("testing", np.int64, (), 0, 1),
-        Field("reference", np.int64, (), 0, ROW_COUNT - 1),  # row whose alarm began the test
-        Field("time", np.float64, ()),  # in contact since the alarm [s]
-        Field("calm_time", np.float64, (), 0.0),  # for which that row has explained all [s]
-        Field("leads", np.int64, (), 0, 1),  # 1 while the fresh row is given out
-        Field("fitted", np.int64, (), 0, 1),  # 1 if the rows had fitted for long
-        Field("trusted", np.int64, (), 0, 1),  # 1 if they also knew the damping
-        Field("fitting_time", np.float64, (), 0.0),  # in contact without model error [s]
-        Field("before", np.float64, (4,)),  # ln K, ln B, n, p of that row at the alarm
-        Field("before_variance", np.float64, (4,), 0.0),
-        Field("detected", np.int64, (), 0, 1),  # at the present sample
     )
 )
 
@@ -251,23 +235,6 @@ HELD_READINGS = record_type(
     )
 )
 
-# Readings that were refused; see `outliers` and `jumps`.
-GATE = record_type(
-    (
-        Field("refused_from", np.float64, (2,)),  # stamp of the first of those in a row [s]
-        # Displacement that jumped or stands still, stamp [s]; NaN: it did not.
-        Field("jumped_at", np.float64, finite=False),
-        Field("stuck", np.int64, (), 0, 2),  # 1, 2 if it is the same number again and again
-        Field("value", np.float64),  # that number [mm]
-        Field("agreeing", np.int64, (), 0),  # forces in a row that agree with it
-        Field("agrees_from", np.float64),  # stamp of the first of them [s]
-        Field("agrees_force", np.float64),  # that one [N]
-        Field("force_still", np.int64, (), 0, 1),  # 1 if the force stands still
-        Field("force_value", np.float64),  # at that number [N]
-        Field("still_from", np.float64),  # stamp from which on [s]
-    )
-)
-
 # Readings of the force beside the place of the tool; see `air_window`.
 WINDOW = record_type(
     (
@@ -291,6 +258,7 @@ ONSET = record_type(
         Field("doubted", np.int64, (), 0, 1),  # 1 once zeros that were found were given up for good
         Field("looked_back", np.int64, (), 0, 1),  # 1 once the readings of the start were taken
         Field("free", np.int64, (), 0, 1),  # 1 once the tool was seen without force
+        Field("low", np.int64, (), 0),  # forces so far that are not surely felt
         Field("free_at", np.float64),  # displacement there, the last one [mm]
         Field("free_time", np.float64),  # [s]
         # Lowest place within the largest delay of that time, highest within that of `first_time`,

@@ -17,6 +17,7 @@ from hc_estimator.multiple_model.hypotheses import (
     ACCELERATION,
     COUNTS,
     DEPTH,
+    LIFTED,
     LOG_DAMPING,
     LOG_STIFFNESS,
     OWN,
@@ -124,7 +125,7 @@ def let_surface_move(row: Any) -> None:
 @compiled
 def free_rate(row: Any) -> None:
     """Let the rate of ln K go, if the row has one: it may have turned."""
-    if COUNTS[row.index] > OWN and not SURFACE[row.index]:
+    if COUNTS[row.index] > OWN and not (SURFACE[row.index] or LIFTED[row.index]):
         row.covariance[OWN, OWN] = max(row.covariance[OWN, OWN], TURNED_RATE**2)
 
 

@@ -41,7 +41,7 @@ from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model import maneuver as maneuvers
 from hc_estimator.multiple_model.choice import WAIT
-from hc_estimator.multiple_model.hypotheses import DEPTH, FITTED, SURFACE, SURFACE_ROW
+from hc_estimator.multiple_model.hypotheses import DEPTH, FITTED, FRESH, SURFACE, SURFACE_ROW
 from hc_estimator.multiple_model.kalman import (
     HOLD_ALL,
     depth_of,
@@ -172,7 +172,9 @@ def _update(settings: Any, bank: Any, place: float) -> int:
     if clock.present[1] != 0:
         if not _foresee(settings, bank):
             return NUMERICAL
-        departs = settings.find_maneuvers != 0 and bank.calibrated != 0
+        # Rows that learn nothing while another zero leads stay surprised.
+        looks = bank.calibrated != 0 and bank.change.zero_leads == 0
+        departs = settings.find_maneuvers != 0 and looks
         departs = departs and departure.let_go(bank.maneuver, rows, chosen, clock.period)
         if departs and not _foresee(settings, bank):
             return NUMERICAL
@@ -187,6 +189,8 @@ def _update(settings: Any, bank: Any, place: float) -> int:
         if goes_back and not _foresee(settings, bank):
             return NUMERICAL
         for m in range(rows.shape[0]):
+            if bank.change.zero_leads != 0 and m < FRESH:
+                continue  # it expects the force under a zero that is none any more
             if rows[m].active != 0:
                 # What surprises now is the motion, and teaches nothing about the tissue.
                 hold = HOLD_ALL if departs else _hold(settings, bank, rows[m])
@@ -342,10 +346,11 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
     tested = bank.change.testing != 0  # then the fresh row has used this sample as well
     if not maneuvers.answer(settings, bank, time, alarm):
         changes.answer(settings, bank, readings.since_displacement(bank, time))
-    if tested and bank.change.testing != 0 and touching and clock.present[1] != 0:
-        changes.judge_test(bank)
+    stepped = False  # the force's zero
+    if tested and bank.change.testing != 0 and clock.present[1] != 0:
+        stepped = changes.judge_test(bank, touching)
         if bank.change.testing == 0 and bank.change.detected == 0:
-            maneuvers.audit(settings, bank)
+            maneuvers.audit(settings, bank, stepped)
     if bank.change.detected != 0:
         histories.reset(bank.history)
         rows[FITTED].active = 0
@@ -353,7 +358,7 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
         bank.change.fitting_time = 0.0
     elif touching:
         bank.change.fitting_time += elapsed
-    if clock.restart != 0 or bank.change.detected != 0:
+    if clock.restart != 0 or bank.change.detected != 0 or stepped:
         bank.maneuver.count = 0
     departure.learn(bank)
     maneuvers.keep(bank, time)

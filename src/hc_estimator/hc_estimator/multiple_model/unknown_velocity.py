@@ -68,7 +68,7 @@ def product_variance(
 @compiled
 def hold(settings: Any, maneuver: Any, row: Any, elapsed: float) -> int:
     """What an unknown velocity must not teach: all parameters, B and p, or nothing."""
-    if settings.find_maneuvers == 0 or row.index == FRESH:
+    if settings.find_maneuvers == 0 or row.index >= FRESH:
         return HOLD_NOTHING
     if is_turning(maneuver, row, elapsed):
         return HOLD_ALL

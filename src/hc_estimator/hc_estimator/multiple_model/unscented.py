@@ -22,6 +22,7 @@ from hc_estimator.multiple_model.hypotheses import (
     COUNTS,
     DEPTH,
     EXPONENT,
+    LIFTED,
     LOG_DAMPING,
     LOG_STIFFNESS,
     OWN,
@@ -137,9 +138,13 @@ def foresee_force(settings: Any, row: Any, log_speed: float, reading: float, noi
         even = 0.5 * (plus + minus) - centre
         total += even
         squares += even * even
+    if LIFTED[row.index]:  # what is added to the law, and linear
+        for j in range(OWN + 1):
+            sensitivity[j] += factor[OWN, j]
+        centre += state[OWN]
     bend = total / scale  # of the mean against the central point
     _note_expected(row, centre + bend, _curvature(squares, total, bend, count))
-    unknown = row.explained > UNKNOWN_SHARE**2 * reading * reading
+    unknown = not LIFTED[row.index] and row.explained > UNKNOWN_SHARE**2 * reading * reading
     if unknown and reading > SURE * math.sqrt(noise):
         _foresee_logarithm(row, centre, reading)
     if abs(row.innovation[1]) < LARGEST_FORCE and row.explained < LARGEST_FORCE**2:

@@ -7,13 +7,14 @@ that was forgotten is off by the whole zero.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import air_window, delay_points, plausible
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model.hypotheses import DEPTH
+from hc_estimator.multiple_model.hypotheses import DEPTH, OWN, SURFACE
 
 
 @compiled
@@ -31,6 +32,60 @@ def move_position(bank: Any, displacement: float, deviation: float) -> None:
     onset.shift[1] = 0.0
     onset.position_deviation = deviation
     move(bank)
+
+
+@compiled
+def step_force(bank: Any, force: float, deviation: float, since: float) -> None:
+    """The force's zero has stepped; what was read before is the same.
+
+    Args:
+        bank: changed.
+        force: by how much [N].
+        deviation: of that [N].
+        since: stamp of the first force after it [s].
+    """
+    onset, finder, history = bank.onset, bank.delay, bank.history
+    onset.zero[1] += force
+    if math.isnan(onset.force_deviation):
+        onset.force_deviation = deviation
+    else:
+        onset.force_deviation = math.hypot(onset.force_deviation, deviation)
+    onset.first_force = 0.0
+    bank.clock.measurement[1] -= force
+    bank.noise[1].readings -= force
+    if finder.delay <= 0.0:
+        bank.held.value -= force
+    begun = since - finder.delay
+    histories.move(history, 0.0, force, begun - 0.5 * bank.clock.period, begun)
+    # Parabolas about the jump are of neither zero.
+    grids.restart(finder)
+    delay_points.forget(finder)
+    bank.given.predicted_force -= force
+    bank.given.reconstructed_force -= force
+
+
+@compiled
+def step_position(bank: Any, displacement: float, deviation: float) -> None:
+    """The contact position counts from elsewhere; what was read before is the same.
+
+    Args:
+        bank: changed; no reading since the step was used but the present one.
+        displacement: by how much [mm].
+        deviation: of that [mm].
+    """
+    onset, finder = bank.onset, bank.delay
+    onset.zero[0] += displacement
+    onset.position_deviation = math.hypot(onset.position_deviation, deviation)
+    bank.clock.measurement[0] -= displacement
+    if finder.delay > 0.0:
+        bank.held.value -= displacement
+    grids.restart(finder)
+    delay_points.forget(finder)
+    for m in range(bank.rows.shape[0]):
+        row = bank.rows[m]
+        row.position_deviation = onset.position_deviation
+        if SURFACE[m]:
+            row.covariance[OWN, OWN] += deviation * deviation
 
 
 @compiled
