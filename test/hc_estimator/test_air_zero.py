@@ -72,6 +72,19 @@ def test_a_step_of_the_zero_in_the_air_leaves_stiffness_found_before():
     assert np.all(error < 4.0 * series.parameters_std[time > 14.0, 0])
 
 
+@pytest.mark.parametrize("off", [-0.1, 0.1, -0.3])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_step_on_the_way_in_is_found_before_the_touch(seed, off):
+    """Regression: of less than twenty readings no zero was believed, and K was 45 % off."""
+    time, place, force, _law = taps(125.0, seed=seed)
+    force = force + np.where(time > 10.65, off, 0.0)  # as the tool sets off: 15 readings outside
+    series = hc.create_estimator(FILTER).run(time, place, force)
+    touched = time > 10.85
+    assert np.max(np.abs(series.force_zero[touched] - off)) < 0.02
+    assert np.max(np.abs(series.parameters[touched, 0] / K - 1.0)) < 0.03
+    assert not np.any(series.change_detected)
+
+
 def test_tissue_that_comes_up_to_a_tool_that_waits_is_no_zero():
     """A surface that breathes touches a tool that travels outside; its force changes with time."""
     time, place, force, _law = taps()

@@ -41,7 +41,7 @@ TOUCHED = 1.0  # time in contact after which the first touch is over [s]
 SETTLING = 0.06  # time outside that is left to a force that is late, or to what sticks [s]
 FINER = 0.5  # of a deviation at which a mean takes its place
 LONGEST = 1.0  # of readings that are judged together [s]
-FEWEST_CLEAR = 8  # readings that make a mean which is another zero beyond doubt
+FEWEST_CLEAR = 8  # readings that make a mean which is another zero than before, beyond doubt
 AWAY = 4.0  # deviations of a reading from those before it, from which on it may be another zero
 VISITS = 20.0  # whose mean square of what the zero was off counts
 FORGETTING = 10.0  # time outside after which a mean begins anew [s]
@@ -165,7 +165,8 @@ def _conclude(bank: Any, time: float) -> None:
     """Judge a stretch outside, and move the zero if the mean says so; too few readings wait."""
     air, noise, window = bank.air, bank.sensor_noise, bank.air.window
     count, mean = window.count, window.mean[1]
-    clear = mean * mean > SURE * SURE * noise[1]
+    seen_before = bank.onset.in_air != 0 or air.confirmed != 0
+    clear = seen_before and mean * mean > SURE * SURE * noise[1]
     if count < (FEWEST_CLEAR if clear else FEWEST):
         return
     shown = _is_air(bank)
@@ -186,7 +187,6 @@ def _conclude(bank: Any, time: float) -> None:
         level, deviation = air.sum / air.seen, math.sqrt(variance * count / air.seen)
         moves = abs(level) > max(SIGNIFICANT * deviation, SMALLEST_ZERO * math.sqrt(noise[1]))
         finer = not moves and deviation < FINER * bank.onset.force_deviation
-        seen_before = bank.onset.in_air != 0 or air.confirmed != 0
         step = abs(level) > SURE * math.sqrt(noise[1])
         if moves or finer:
             _move(bank, level, deviation)

@@ -141,7 +141,7 @@ def _others_are_beaten(change: Any, rows: Any, elapsed: float) -> bool:
             continue
         lead = row.change_lead * (1.0 - elapsed / FORGETTING_TIME) + evidence - row.evidence
         row.change_lead = max(lead, -FLOOR)
-        if row.alarmed == 0 and row.change_lead < (LEAD if m < FRESH else 0.0):
+        if row.alarmed == 0 and row.change_lead < LEAD:
             beaten = False
     return beaten
 

@@ -22,7 +22,8 @@ from hc_estimator.multiple_model.judge import SURE
 from hc_estimator.multiple_model.kalman import depth_of
 from hc_estimator.multiple_model.landing import depth_at
 
-FEWEST = 10  # readings since the jump
+FEWEST = 10  # readings since the jump,
+LEAST_TIME = 0.25  # and time: a dropout ends sooner [s]
 STEPS = 8  # between readings that say a velocity
 TRAVEL = 10.0  # deviations of a reading that they go at least
 ALONG = 0.3  # of the way that the tool goes less than they do, at most
@@ -69,8 +70,9 @@ def look(settings: Any, bank: Any, row: Any, here: int) -> bool:
     if began < gate.jumped_at:  # a velocity across the jump is none
         return False
     place = clock.measurement[0]
-    velocity = place - finder.raw_value[0, before % RAW]
-    velocity /= finder.raw_time[0, here % RAW] - began
+    # Not the mean one since then: where the tool turns that is off the same way each time.
+    half = raw_readings.slope_between(finder, 0, here - STEPS // 2, here)
+    velocity = 2.0 * half - raw_readings.slope_between(finder, 0, before, here)
     depth = depth_at(row, force, velocity)
     if not depth > LEAST_DEPTH:
         return False
@@ -80,7 +82,8 @@ def look(settings: Any, bank: Any, row: Any, here: int) -> bool:
     moment, weight = gate.moment, gate.beside_weight
     travel = moment[2] / weight
     far = travel > TRAVEL * TRAVEL * bank.sensor_noise[0]
-    if gate.beside_count < FEWEST or not far:
+    long = finder.raw_time[0, here % RAW] - gate.jumped_at > LEAST_TIME
+    if gate.beside_count < FEWEST or not (far and long):
         return False
     strays = moment[1] / moment[2]
     scatter = max(moment[0] - strays * moment[1], 0.0) / weight

@@ -20,12 +20,13 @@ from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model import raw_readings, zero_moves
-from hc_estimator.multiple_model.hypotheses import OWN, ZERO_STEP, is_tried
+from hc_estimator.multiple_model.hypotheses import OWN, SURFACE, ZERO_STEP, is_tried
 from hc_estimator.multiple_model.rows import seed
 
 FORGETTING_TIME = 0.5  # of log likelihood ratios [s]
 LEAD = 10.0  # log likelihood ratio that is clear
 SETTLED = 0.5  # time after which one that is clear has not been so by chance [s]
+IN_PLACE = 4.0  # deviations within which the displacement is where the row expects it
 STEPS = 8  # between readings that say how the force went before it jumped
 JUMP = 8.0  # deviations of a reading
 GOES_ON = 0.5  # of the jump, by which the force changes in the next readings
@@ -47,8 +48,10 @@ def begin(settings: Any, bank: Any, reference: Any) -> None:
     change, row = bank.change, bank.rows[ZERO_STEP]
     row.active = 0
     change.zero_leads = 0
+    known = reference.model_error == 0.0 and not SURFACE[reference.index]
+    known = known and reference.nis[0] < IN_PLACE * IN_PLACE
     asked = is_tried(settings, ZERO_STEP) and settings.find_zeros != 0
-    if not asked or reference.model_error > 0.0 or not _has_jumped(settings, bank):
+    if not (asked and known and _has_jumped(settings, bank)):
         return
     clock = bank.tool.contact_clock
     seed(reference, row, clock, clock)
