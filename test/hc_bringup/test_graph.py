@@ -46,8 +46,11 @@ def test_a_publisher_that_is_told_late_is_waited_for(waited) -> None:
 BUSY = " (machine busy: load 6.2 on 2 processors)"
 
 
-def test_a_busy_machine_is_given_time_before_no_node_is_said_to_run(waited, capsys) -> None:
+def test_a_busy_machine_is_given_time_before_no_node_is_said_to_run(
+    waited, capsys, monkeypatch
+) -> None:
     """Regression: at a load of six `hc node list` said that no node was running."""
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     assert waited(nodes=(), load=BUSY) == pytest.approx(8.0, abs=0.1)
     assert capsys.readouterr().err == f"... not seen yet; looking for up to 8 s{BUSY}\n"
     assert waited(nodes=()) == pytest.approx(0.8, abs=0.1)
@@ -61,6 +64,7 @@ def test_what_is_asked_for_is_waited_for(monkeypatch, capsys, load, longest_s) -
     graph = Graph()
     monkeypatch.setattr(graph_module.time, "monotonic", lambda: clock[0])
     monkeypatch.setattr(graph_module, "busy", lambda: load)
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     monkeypatch.setattr(graph, "spin", lambda seconds: clock.append(clock.pop() + seconds) or True)
     assert not graph.wait_for(lambda: False)
     assert clock[0] == pytest.approx(longest_s, abs=0.05)

@@ -89,9 +89,9 @@ class Graph:
         return True
 
     def _is_patient(self) -> bool:
-        """Whether to wait for longer, for the machine is busy; say so once."""
+        """Whether to wait for longer, for the machine is busy; say so once to who looks on."""
         note = busy()
-        if note and not self._said_to_wait:
+        if note and not self._said_to_wait and sys.stderr.isatty():
             self._said_to_wait = True
             sys.stderr.write(f"{MARK}not seen yet; looking for up to {_BUSY_WAIT_S:g} s{note}\n")
         return bool(note)

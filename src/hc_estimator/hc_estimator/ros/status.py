@@ -32,9 +32,7 @@ _REFUSED = {
     Rejection.NUMERICAL: "the filter failed numerically",
 }
 
-_NOT_FINITE = {
-    f"{name}_not_finite": f"{name}s that {NO_NUMBERS}" for name in ("force", "position")
-}
+_NOT_FINITE = {f"{name}_not_finite": f"{name}s that {NO_NUMBERS}" for name in ("force", "position")}
 """What an input counts of readings that nothing can be made of."""
 
 _UNUSABLE = {
