@@ -6,9 +6,9 @@ import pytest
 import hc_estimator as hc
 from hc_estimator.multiple_model import kalman
 from hc_estimator.multiple_model.hypotheses import (
+    BIASED,
     COUNTS,
     DRIVES,
-    LIFTED,
     LOG_STIFFNESS,
     OWN,
     OWN_WALKS,
@@ -19,9 +19,7 @@ from hc_estimator.multiple_model.rows import TURNED_RATE, free_rate
 from hc_evaluation.accuracy.scan import KINDS, random_scan
 from hc_evaluation.accuracy.scenarios import simulate
 
-WITH_RATES = [
-    m for m in range(len(ROWS)) if COUNTS[m] > OWN and not (SURFACE[m] or LIFTED[m])
-]
+WITH_RATES = [m for m in range(len(ROWS)) if COUNTS[m] > OWN and not (SURFACE[m] or BIASED[m])]
 KNOWN = 1e-12
 
 

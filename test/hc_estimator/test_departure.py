@@ -107,15 +107,15 @@ def test_a_test_ends_once_its_reference_explains_all_again(parts):
     assert changes.begin_test(settings, bank, 0.0)
     rows[0].model_error = 0.0
     for _ in range(49):
-        changes.judge_test(bank, True)
+        changes.judge_test(settings, bank)
     assert change.testing == 1
     rows[0].alarm_sum = 40.0  # close to an alarm of its own: it does not
-    changes.judge_test(bank, True)
+    changes.judge_test(settings, bank)
     rows[0].alarm_sum = 0.0
     for _ in range(48):
-        changes.judge_test(bank, True)
+        changes.judge_test(settings, bank)
     assert change.testing == 1
     for _ in range(4):
-        changes.judge_test(bank, True)
+        changes.judge_test(settings, bank)
     assert change.testing == 0
     assert change.detected == 0

@@ -31,6 +31,7 @@ from hc_estimator.multiple_model.air_window import (
     SMALLEST_ZERO,
     WILDEST,
 )
+from hc_estimator.multiple_model.change import end_test
 from hc_estimator.multiple_model.contact_onset import CAME_DOWN, LEAST_DISTANCE, SURE
 from hc_estimator.multiple_model.hypotheses import DEPTH, SURFACE, VELOCITY
 from hc_estimator.multiple_model.model_error import forget_misfit
@@ -122,7 +123,8 @@ def _take(bank: Any, time: float, depth: float) -> None:
     """Take a force outside; several on end that are another one begin another stretch."""
     air, force = bank.air, bank.clock.measurement[1]
     off = force - air.window.mean[1]
-    if air.window.count >= FEWEST and off * off > AWAY**2 * bank.sensor_noise[1]:
+    fewest = FEWEST_CLEAR if _is_seen(bank) else FEWEST
+    if air.window.count >= fewest and off * off > AWAY**2 * bank.sensor_noise[1]:
         above = 1 if off > 0.0 else -1
         air.away = air.away + above if air.away * above > 0 else above
         if abs(air.away) < STEPPED:
@@ -161,11 +163,17 @@ def _is_air(bank: Any) -> bool:
 
 
 @compiled
+def _is_seen(bank: Any) -> bool:
+    """True if the zero was read in the air before."""
+    return bool(bank.onset.in_air != 0 or bank.air.confirmed != 0)
+
+
+@compiled
 def _conclude(bank: Any, time: float) -> None:
     """Judge a stretch outside, and move the zero if the mean says so; too few readings wait."""
     air, noise, window = bank.air, bank.sensor_noise, bank.air.window
     count, mean = window.count, window.mean[1]
-    seen_before = bank.onset.in_air != 0 or air.confirmed != 0
+    seen_before = _is_seen(bank)
     clear = seen_before and mean * mean > SURE * SURE * noise[1]
     if count < (FEWEST_CLEAR if clear else FEWEST):
         return
@@ -198,6 +206,7 @@ def _conclude(bank: Any, time: float) -> None:
             if step:  # what did not fit meanwhile was this
                 for m in range(bank.rows.shape[0]):
                     forget_misfit(bank.rows[m])
+                end_test(bank.change, bank.rows)
         else:
             air.confirmed = 1
         if moves or finer or air.seen_time > FORGETTING:

@@ -47,12 +47,12 @@ GATE = record_type(
         Field("force_value", np.float64),  # at that number [N]
         Field("still_from", np.float64),  # stamp from which on [s]
         # Of a displacement that may go on under another zero (`position_step`):
-        Field("beside_count", np.int64, (), 0),  # readings since it jumped
-        Field("beside_weight", np.float64, (), 0.0),  # of them [N^2/mm^2]
-        Field("beside", np.float64),  # by how much they lie beside the tool, mean [mm]
+        Field("offset_count", np.int64, (), 0),  # readings since it jumped
+        Field("offset_weight", np.float64, (), 0.0),  # of them [N^2/mm^2]
+        Field("offset", np.float64),  # by how much they lie beside the tool, mean [mm]
         Field("place", np.float64),  # mean of the readings [mm]
         # Weighted moments about the means: beside the tool, of both, of the readings [N^2].
         Field("moment", np.float64, (3,)),
-        Field("zero_left", np.float64, finite=False),  # before the last step [mm]; NaN: none
+        Field("zero_before", np.float64, finite=False),  # before the last step [mm]; NaN: none
     )
 )

@@ -198,36 +198,34 @@ def _is_late(bank: Any) -> bool:
 
 
 @compiled
-def judge_test(bank: Any, touching: bool) -> bool:
-    """After all rows have used a force: who leads, and is it over?
+def judge_test(settings: Any, bank: Any) -> bool:
+    """After all rows have used a force in contact: who leads, and is it over?
 
     Args:
+        settings: settings record.
         bank: its record `change` is changed; if it is another tissue `judge` and `rows`, and if it
             is another zero all that was read since.
-        touching: True if there is contact; out of it nothing is weighed.
 
     Returns:
         True if it is another zero.
     """
-    change, rows, beaten = bank.change, bank.rows, False
-    if touching:
-        rose = bank.noise[0].jumped > 0 or bank.noise[1].jumped > 0
-        if rose and not _is_late(bank):
-            # The alarm was the sensor's. If the tissue changed as well, the next alarm is near.
-            end_test(change, rows)
-            return False
-        change.time += bank.clock.force_elapsed
-        reference = rows[change.reference]
-        calm = reference.model_error == 0.0 and reference.alarm_sum < CALM * THRESHOLD
-        change.calm_time = change.calm_time + bank.clock.force_elapsed if calm else 0.0
-        beaten = _others_are_beaten(change, rows, bank.clock.force_elapsed)
-        zero_step.weigh(change, rows, bank.clock.force_elapsed)
+    change, rows = bank.change, bank.rows
+    rose = bank.noise[0].jumped > 0 or bank.noise[1].jumped > 0
+    if rose and not _is_late(bank):
+        # The alarm was the sensor's. If the tissue changed as well, the next alarm is near.
+        end_test(change, rows)
+        return False
+    change.time += bank.clock.force_elapsed
+    reference = rows[change.reference]
+    calm = reference.model_error == 0.0 and reference.alarm_sum < CALM * THRESHOLD
+    change.calm_time = change.calm_time + bank.clock.force_elapsed if calm else 0.0
+    beaten = _others_are_beaten(change, rows, bank.clock.force_elapsed)
+    zero_step.weigh(change, rows, bank.clock.force_elapsed)
     if zero_step.is_it(change, rows, change.time > PROBATION):
-        zero_step.take(bank)
+        zero_step.take(settings, bank)
         end_test(change, rows)
         return True
-    if touching:
-        _judge_fresh(bank, beaten)
+    _judge_fresh(bank, beaten)
     return False
 
 

@@ -31,6 +31,7 @@ from hc_estimator.multiple_model import (
     contact_rise,
     moving_delay,
     place_delay,
+    position_step,
     raw_readings,
     zero_fit,
     zero_moves,
@@ -64,6 +65,7 @@ def reset(bank: Any) -> None:
     clear_vector(onset.zero)
     onset.doubted = 0
     onset.force_deviation = math.nan
+    position_step.reset(bank.gate)
     for m in range(bank.rows.shape[0]):
         bank.rows[m].position_deviation = 0.0
     zero_fit.reset(bank.zeros)

@@ -43,7 +43,7 @@ class HypothesisRow:
         own_walks: variance that each own state gains per second.
         own_variances: variance of each own state at the start.
         surface: True if the first own state is the contact position [mm], the second its rate.
-        lifted: True if the first own state is what the force's zero is off [N].
+        biased: True if the first own state is what the force's zero is off [N].
         waits: True if it takes no part until something has begun it: a fit, an alarm.
         reserve: True if it takes part only while constant tissue does not do; see `reserve`.
         refines: logarithm of the likelihood ratio over the first row with the same hypothesis from
@@ -58,7 +58,7 @@ class HypothesisRow:
     own_walks: tuple[float, ...] = ()
     own_variances: tuple[float, ...] = ()
     surface: bool = False
-    lifted: bool = False
+    biased: bool = False
     waits: bool = False
     reserve: bool = False
     refines: float = math.nan
@@ -170,7 +170,7 @@ ROWS = (
         drives=((0.0, 0.0, 0.0, 0.0),),
         own_walks=(0.0,),
         own_variances=(1.0,),
-        lifted=True,
+        biased=True,
         waits=True,
     ),
 )
@@ -183,14 +183,14 @@ CODES = np.array([int(row.hypothesis) for row in ROWS])
 COUNTS = np.array([OWN + row.own for row in ROWS])
 WALKS = np.array([row.walks for row in ROWS])
 SURFACE = np.array([row.surface for row in ROWS])
-LIFTED = np.array([row.lifted for row in ROWS])
+BIASED = np.array([row.biased for row in ROWS])
 WAITS = np.array([row.waits for row in ROWS])
 RESERVE = np.array([row.reserve for row in ROWS])
 REFINED_FROM = np.array([row.refines for row in ROWS])
 REFINES = np.isfinite(REFINED_FROM)
 # Of a row that refines another, that one; of others, themselves.
 PLAIN = np.array([list(CODES).index(CODES[m]) if REFINES[m] else m for m in range(len(ROWS))])
-TREND_ROW = next(m for m, row in enumerate(ROWS) if row.own == 1 and not row.lifted)
+TREND_ROW = next(m for m, row in enumerate(ROWS) if row.own == 1 and not row.biased)
 EXPONENT_ROW = next(m for m, row in enumerate(ROWS) if row.hypothesis == Hypothesis.ALL_DRIFT)
 STEADY_SURFACE_ROW = int(np.flatnonzero(SURFACE)[0])
 # The freest of those that always take part: it says what is known at least.

@@ -31,6 +31,7 @@ from hc_estimator.multiple_model.choice import (
     trusted_motion,
 )
 from hc_estimator.multiple_model.hypotheses import (
+    BIASED,
     COUNTS,
     DEPTH,
     DRIVES,
@@ -80,6 +81,8 @@ def reset(judge: Any) -> None:
 @compiled
 def _shrunk(row: Any, i: int) -> float:
     """An own state times the share of it that is no chance."""
+    if BIASED[row.index]:  # what is off there is no rate, and no other row's
+        return 0.0
     value = row.state[OWN + i]
     square = value * value
     variance = row.covariance[OWN + i, OWN + i]

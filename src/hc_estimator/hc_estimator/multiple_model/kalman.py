@@ -15,6 +15,7 @@ from hc_estimator.contact.registry import contact_force
 from hc_estimator.multiple_model import delay_sensitivity, levels
 from hc_estimator.multiple_model.hypotheses import (
     ACCELERATION,
+    BIASED,
     BREATHES,
     COUNTS,
     DEPTH,
@@ -23,7 +24,6 @@ from hc_estimator.multiple_model.hypotheses import (
     EXPONENT,
     FIRST_PARAMETER,
     LAST_PARAMETER,
-    LIFTED,
     LOG_DAMPING,
     LOG_STIFFNESS,
     OWN,
@@ -207,7 +207,7 @@ def predict(row: Any, elapsed: float, density: float, goes_on: bool, away: bool)
                 covariance[i, target] += rate * covariance[i, source]
         if covariance[OWN + own, OWN + own] > 0.0:
             covariance[OWN + own, OWN + own] += OWN_WALKS[m, own] * elapsed
-    if away and not SURFACE[m] and not LIFTED[m]:
+    if away and not SURFACE[m] and not BIASED[m]:
         _forget_rates(row, math.exp(-elapsed / RATE_MEMORY))
     elif away and BREATHES[m] and abs(state[OWN + 1]) > FASTEST_SINKING:
         # What breathes may have turned; its variance goes on growing.

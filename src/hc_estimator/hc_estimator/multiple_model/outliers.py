@@ -92,10 +92,13 @@ def is_outlier(settings: Any, bank: Any, chosen: Any, channel: int, place: float
 
 @compiled
 def waits(settings: Any, bank: Any) -> bool:
-    """True as long as nobody knows whether readings that were refused are wrong."""
+    """True as long as nobody knows whether readings that were refused are wrong.
+
+    Nor of which zero the forces are since one that jumped.
+    """
     counts, limit = bank.clock.outlier_counts, settings.outlier_limit
     refused = 0 < counts[0] <= limit or 0 < counts[1] <= limit
-    return bool(refused or jumps.waits(bank.gate))
+    return bool(refused or jumps.waits(bank.gate) or bank.change.zero_leads != 0)
 
 
 @compiled
@@ -120,7 +123,7 @@ def _is_still_off(
     if settings.find_zeros != 0 and position_step.look(
         settings, bank, chosen, jumps.number_of(bank, 0, stamp)
     ):
-        position_step.take(bank, chosen)
+        position_step.take(settings, bank, chosen, stamp)
         bank.clock.outlier_counts[0] = 0
         jumps.forget(bank.gate)
         return False

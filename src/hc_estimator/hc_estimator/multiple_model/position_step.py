@@ -26,7 +26,7 @@ FEWEST = 10  # readings since the jump,
 LEAST_TIME = 0.25  # and time: a dropout ends sooner [s]
 STEPS = 8  # between readings that say a velocity
 TRAVEL = 10.0  # deviations of a reading that they go at least
-ALONG = 0.3  # of the way that the tool goes less than they do, at most
+LARGEST_RATE = 0.3  # of the way that the tool goes less than they do, at most
 KNOWN = 0.1  # deviation of that share
 CLEAR = 5.0  # deviations of the step
 LEAST_DEPTH = 0.01  # [mm]
@@ -37,13 +37,13 @@ BACK = 3.0  # deviations within which a zero is one that was left
 def reset(gate: Any) -> None:
     """No zero was left."""
     forget(gate)
-    gate.zero_left = math.nan
+    gate.zero_before = math.nan
 
 
 @compiled
 def forget(gate: Any) -> None:
     """No reading is known to lie beside the tool."""
-    gate.beside_count = 0
+    gate.offset_count = 0
 
 
 @compiled
@@ -79,53 +79,61 @@ def look(settings: Any, bank: Any, row: Any, here: int) -> bool:
     slope = row.state[EXPONENT] * force / depth  # of the force over the depth
     surface = row.state[DEPTH] - depth_of(row)
     _add(gate, slope * slope, place - surface - depth, place)
-    moment, weight = gate.moment, gate.beside_weight
+    moment, weight = gate.moment, gate.offset_weight
     travel = moment[2] / weight
     far = travel > TRAVEL * TRAVEL * bank.sensor_noise[0]
     long = finder.raw_time[0, here % RAW] - gate.jumped_at > LEAST_TIME
-    if gate.beside_count < FEWEST or not (far and long):
+    if gate.offset_count < FEWEST or not (far and long):
         return False
-    strays = moment[1] / moment[2]
-    scatter = max(moment[0] - strays * moment[1], 0.0) / weight
-    known = scatter < KNOWN * KNOWN * travel * gate.beside_count
-    clear = gate.beside * gate.beside > CLEAR * CLEAR * scatter / gate.beside_count
-    return bool(known and clear and abs(strays) < ALONG)
+    rate = moment[1] / moment[2]
+    scatter = max(moment[0] - rate * moment[1], 0.0) / weight
+    known = scatter < KNOWN * KNOWN * travel * gate.offset_count
+    clear = gate.offset * gate.offset > CLEAR * CLEAR * scatter / gate.offset_count
+    return bool(known and clear and abs(rate) < LARGEST_RATE)
 
 
 @compiled
-def _add(gate: Any, weight: float, beside: float, place: float) -> None:
+def _add(gate: Any, weight: float, offset: float, place: float) -> None:
     """Add a reading to means and moments about them, by what its force says of the depth."""
     moment = gate.moment
-    if gate.beside_count == 0:
-        gate.beside, gate.place, gate.beside_weight = 0.0, 0.0, 0.0
+    if gate.offset_count == 0:
+        gate.offset, gate.place, gate.offset_weight = 0.0, 0.0, 0.0
         clear_vector(moment)
-    gate.beside_count += 1
-    gate.beside_weight += weight
-    share = weight / gate.beside_weight
-    aside, on = beside - gate.beside, place - gate.place
-    gate.beside += share * aside
+    gate.offset_count += 1
+    gate.offset_weight += weight
+    share = weight / gate.offset_weight
+    aside, on = offset - gate.offset, place - gate.place
+    gate.offset += share * aside
     gate.place += share * on
-    moment[0] += weight * aside * (beside - gate.beside)
-    moment[1] += weight * on * (beside - gate.beside)
+    moment[0] += weight * aside * (offset - gate.offset)
+    moment[1] += weight * on * (offset - gate.offset)
     moment[2] += weight * on * (place - gate.place)
 
 
 @compiled
-def take(bank: Any, row: Any) -> None:
-    """The position's zero is another one from now on; the tool is where the law says."""
+def take(settings: Any, bank: Any, row: Any, stamp: float) -> None:
+    """The position's zero is another one from now on; the tool is where the law says.
+
+    Args:
+        settings: settings record.
+        bank: changed.
+        row: whose law it is.
+        stamp: of the present displacement [s].
+    """
     gate, covariance = bank.gate, row.covariance
     surface = row.state[DEPTH] - depth_of(row)
-    depth = max(gate.place - gate.beside - surface, LEAST_DEPTH)
+    depth = max(gate.place - gate.offset - surface, LEAST_DEPTH)
     log_depth = math.log(depth)
     unsure = covariance[LOG_STIFFNESS, LOG_STIFFNESS] + log_depth * (
         2.0 * covariance[LOG_STIFFNESS, EXPONENT] + log_depth * covariance[EXPONENT, EXPONENT]
     )
     of_law = depth / row.state[EXPONENT]
-    variance = gate.moment[0] / (gate.beside_weight * gate.beside_count)
+    variance = gate.moment[0] / (gate.offset_weight * gate.offset_count)
     variance += max(unsure, 0.0) * of_law * of_law
-    zero, step, deviation = bank.onset.zero[0], gate.beside, math.sqrt(variance)
-    if abs(zero + step - gate.zero_left) < BACK * deviation:
-        step, deviation = gate.zero_left - zero, 0.0
-    gate.zero_left = zero
-    zero_moves.step_position(bank, step, deviation)
+    zero, step, deviation = bank.onset.zero[0], gate.offset, math.sqrt(variance)
+    if abs(zero + step - gate.zero_before) < BACK * deviation:
+        step, deviation = gate.zero_before - zero, 0.0
+    gate.zero_before = zero
+    zero_moves.step_position(settings, bank, step, deviation)
+    raw_readings.take(bank.delay, 0, stamp, bank.clock.measurement[0])
     forget(gate)

@@ -15,9 +15,9 @@ from hc_estimator.linear_algebra import clear_matrix, clear_vector
 from hc_estimator.multiple_model import delay_sensitivity
 from hc_estimator.multiple_model.hypotheses import (
     ACCELERATION,
+    BIASED,
     COUNTS,
     DEPTH,
-    LIFTED,
     LOG_DAMPING,
     LOG_STIFFNESS,
     OWN,
@@ -125,7 +125,7 @@ def let_surface_move(row: Any) -> None:
 @compiled
 def free_rate(row: Any) -> None:
     """Let the rate of ln K go, if the row has one: it may have turned."""
-    if COUNTS[row.index] > OWN and not (SURFACE[row.index] or LIFTED[row.index]):
+    if COUNTS[row.index] > OWN and not (SURFACE[row.index] or BIASED[row.index]):
         row.covariance[OWN, OWN] = max(row.covariance[OWN, OWN], TURNED_RATE**2)
 
 
@@ -260,7 +260,7 @@ def limit(settings: Any, row: Any) -> None:
         state[LOG_DAMPING] = guess_of(settings, 1)
     _keep_parameter(settings, row, 2, SMALLEST_EXPONENT, LARGEST_EXPONENT)
     _keep_parameter(settings, row, 3, SMALLEST_VELOCITY_EXPONENT, LARGEST_VELOCITY_EXPONENT)
-    for i in range(OWN, COUNTS[row.index]):
+    for i in range(OWN, OWN if BIASED[row.index] else COUNTS[row.index]):
         _keep(row, i, -LARGEST_RATE, LARGEST_RATE)
 
 

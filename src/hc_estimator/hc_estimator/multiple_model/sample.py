@@ -8,7 +8,7 @@
 5.  How noisy are the sensors, how does the tool move?     -> noise, jerk density
 6.  Who predicts best?                                     -> the chosen row
 7.  Did the tool turn suddenly?                            -> back to before it
-8.  Is an alarm another tissue?                            -> a fresh row, a change
+8.  Is an alarm another tissue, or another zero?           -> a fresh row, a change; a zero
 9.  What does least squares say to what was felt?          -> `batch_fit`, after this
 """
 
@@ -332,7 +332,7 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
         tool.away_time = 0.0
         tool.contact_clock += elapsed
         levels.learn(tool, rows, chosen, elapsed)
-        if clock.present[1] != 0:
+        if clock.present[1] != 0 and bank.change.zero_leads == 0:
             plausible.learn(tool, chosen, clock.measurement[1], clock.force_elapsed)
     else:
         lift_off.look(settings, bank, clock.elapsed)
@@ -347,8 +347,8 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
     if not maneuvers.answer(settings, bank, time, alarm):
         changes.answer(settings, bank, readings.since_displacement(bank, time))
     stepped = False  # the force's zero
-    if tested and bank.change.testing != 0 and clock.present[1] != 0:
-        stepped = changes.judge_test(bank, touching)
+    if tested and bank.change.testing != 0 and touching and clock.present[1] != 0:
+        stepped = changes.judge_test(settings, bank)
         if bank.change.testing == 0 and bank.change.detected == 0:
             maneuvers.audit(settings, bank, stepped)
     if bank.change.detected != 0:

@@ -19,10 +19,10 @@ from hc_estimator.contact.registry import ADHESIVE, is_plain, limited_n, limited
 from hc_estimator.linear_algebra import clear_matrix, clear_vector
 from hc_estimator.multiple_model import levels
 from hc_estimator.multiple_model.hypotheses import (
+    BIASED,
     COUNTS,
     DEPTH,
     EXPONENT,
-    LIFTED,
     LOG_DAMPING,
     LOG_STIFFNESS,
     OWN,
@@ -138,13 +138,13 @@ def foresee_force(settings: Any, row: Any, log_speed: float, reading: float, noi
         even = 0.5 * (plus + minus) - centre
         total += even
         squares += even * even
-    if LIFTED[row.index]:  # what is added to the law, and linear
+    if BIASED[row.index]:  # what is added to the law, and linear
         for j in range(OWN + 1):
             sensitivity[j] += factor[OWN, j]
         centre += state[OWN]
     bend = total / scale  # of the mean against the central point
     _note_expected(row, centre + bend, _curvature(squares, total, bend, count))
-    unknown = not LIFTED[row.index] and row.explained > UNKNOWN_SHARE**2 * reading * reading
+    unknown = not BIASED[row.index] and row.explained > UNKNOWN_SHARE**2 * reading * reading
     if unknown and reading > SURE * math.sqrt(noise):
         _foresee_logarithm(row, centre, reading)
     if abs(row.innovation[1]) < LARGEST_FORCE and row.explained < LARGEST_FORCE**2:

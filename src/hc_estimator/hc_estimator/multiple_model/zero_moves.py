@@ -35,10 +35,11 @@ def move_position(bank: Any, displacement: float, deviation: float) -> None:
 
 
 @compiled
-def step_force(bank: Any, force: float, deviation: float, since: float) -> None:
+def step_force(settings: Any, bank: Any, force: float, deviation: float, since: float) -> None:
     """The force's zero has stepped; what was read before is the same.
 
     Args:
+        settings: settings record.
         bank: changed.
         force: by how much [N].
         deviation: of that [N].
@@ -46,10 +47,10 @@ def step_force(bank: Any, force: float, deviation: float, since: float) -> None:
     """
     onset, finder, history = bank.onset, bank.delay, bank.history
     onset.zero[1] += force
-    if math.isnan(onset.force_deviation):
-        onset.force_deviation = deviation
-    else:
-        onset.force_deviation = math.hypot(onset.force_deviation, deviation)
+    before = onset.force_deviation
+    if math.isnan(before):
+        before = settings.force_zero_std
+    onset.force_deviation = math.hypot(before, deviation)
     onset.first_force = 0.0
     bank.clock.measurement[1] -= force
     bank.noise[1].readings -= force
@@ -65,17 +66,22 @@ def step_force(bank: Any, force: float, deviation: float, since: float) -> None:
 
 
 @compiled
-def step_position(bank: Any, displacement: float, deviation: float) -> None:
+def step_position(settings: Any, bank: Any, displacement: float, deviation: float) -> None:
     """The contact position counts from elsewhere; what was read before is the same.
 
     Args:
+        settings: settings record.
         bank: changed; no reading since the step was used but the present one.
         displacement: by how much [mm].
         deviation: of that [mm].
     """
     onset, finder = bank.onset, bank.delay
+    before = onset.position_deviation
+    if onset.zero[0] == 0.0:
+        before = max(before, settings.contact_position_std)
     onset.zero[0] += displacement
-    onset.position_deviation = math.hypot(onset.position_deviation, deviation)
+    onset.position_deviation = math.hypot(before, deviation)
+    bank.maneuver.count = 0
     bank.clock.measurement[0] -= displacement
     if finder.delay > 0.0:
         bank.held.value -= displacement
@@ -83,7 +89,8 @@ def step_position(bank: Any, displacement: float, deviation: float) -> None:
     delay_points.forget(finder)
     for m in range(bank.rows.shape[0]):
         row = bank.rows[m]
-        row.position_deviation = onset.position_deviation
+        if row.position_deviation > 0.0:
+            row.position_deviation = onset.position_deviation
         if SURFACE[m]:
             row.covariance[OWN, OWN] += deviation * deviation
 
@@ -109,6 +116,7 @@ def move_readings(bank: Any) -> None:
     plausible.move(bank.tool, displacement, force)
     bank.motion.first -= displacement
     bank.motion.states[:, 0] -= displacement
+    bank.gate.zero_before += displacement
     onset.free_at -= displacement
     onset.about -= displacement
     onset.highest_level -= force

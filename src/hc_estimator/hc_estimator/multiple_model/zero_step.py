@@ -3,7 +3,7 @@
 A force that jumps from one reading to the next is that of another tissue, or the old one under
 another zero (no tissue changes within a millisecond, but `change` has to ask). Beside the fresh row
 the one in use goes on as it was, with what the zero is off by as a state of its own: the exact
-filter of a step. While it is clearly the likelier than the row that raised the alarm, that and its
+filter of a step. Until it is less likely than the row that raised the alarm, that and its
 like learn nothing. It is the zero once the law's force has changed by so much that a tissue that is
 stiffer by the same factor would have been told from it, or where the tool is held until the test
 is over, for then nothing speaks for a tissue. The parameters are those of before, and all that was
@@ -99,7 +99,7 @@ def weigh(change: Any, rows: Any, elapsed: float) -> None:
     row = rows[ZERO_STEP]
     if row.active == 0:
         return
-    if row.alarmed != 0:
+    if row.alarmed != 0 or rows[change.reference].active == 0:
         row.active = 0
         change.zero_leads = 0
         return
@@ -132,10 +132,9 @@ def is_it(change: Any, rows: Any, over: bool) -> bool:
 
 
 @compiled
-def take(bank: Any) -> None:
+def take(settings: Any, bank: Any) -> None:
     """The zero is another one since the jump, and the tissue the one of before."""
     row = bank.rows[ZERO_STEP]
-    zero_moves.step_force(
-        bank, row.state[OWN], math.sqrt(row.covariance[OWN, OWN]), bank.change.jumped_at
-    )
+    deviation = math.sqrt(row.covariance[OWN, OWN])
+    zero_moves.step_force(settings, bank, row.state[OWN], deviation, bank.change.jumped_at)
     judging.give_to_all(bank.judge, bank.rows, ZERO_STEP, bank.tool.contact_clock)
