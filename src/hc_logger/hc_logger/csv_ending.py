@@ -17,17 +17,18 @@ from hc_logger.csv_text import split_line
 
 FEWEST: Final = 8
 """Lines before the last one from which a column's way of writing is seen."""
-_LOOKED_AT: Final = 1000
+LOOKED_AT: Final = 1000
+"""So many of them are looked at, at most."""
 
 
-def cut_off_note(lines: Sequence[str], layout: CsvLayout) -> str:
-    """Say that the last line was cut off, and is no row; empty where it seems to be complete.
+def cut_off_note(last: str, before: Sequence[str], layout: CsvLayout) -> str:
+    """Say that a last line was cut off, and is no row; empty where it seems to be complete.
 
     Args:
-        lines: some lines in a row with their ends, the last of which may be that of the file.
+        last: line with its end, which may be the last of the file.
+        before: lines before it, the latest last.
         layout: how the file is written.
     """
-    last = lines[-1]
     if not last.strip() or last.endswith("\n"):
         return ""
     cells = [cell.strip() for cell in split_line(last, layout.separator)]
@@ -36,7 +37,9 @@ def cut_off_note(lines: Sequence[str], layout: CsvLayout) -> str:
         return "the last line is cut off in its middle: it is left out"
     needed = {*layout.indices, layout.nanoseconds} - {NO_COLUMN}
     column = len(cells) - 1
-    if column in needed and (len(cells) < layout.width or _is_shorter(cells, lines, layout)):
+    rows = [split_line(line, layout.separator) for line in before[-LOOKED_AT:]]
+    fewer = bool(rows) and len(cells) < min(map(len, rows))  # not where cells are left out at will
+    if column in needed and (fewer or _is_shorter(cells, rows, layout)):
         return (
             f"the last line has no end, and its number {cells[column]!r} less than the others in "
             "its column: it was cut off, and is left out"
@@ -44,11 +47,10 @@ def cut_off_note(lines: Sequence[str], layout: CsvLayout) -> str:
     return ""
 
 
-def _is_shorter(cells: Sequence[str], lines: Sequence[str], layout: CsvLayout) -> bool:
+def _is_shorter(cells: Sequence[str], rows: Sequence[Sequence[str]], layout: CsvLayout) -> bool:
     """Whether the last cell has fewer characters behind its decimal sign than all before it."""
     column = len(cells) - 1
-    before = [split_line(line, layout.separator) for line in lines[-1 - _LOOKED_AT : -1]]
-    column_cells = [row[column].strip() for row in before if len(row) > column]
+    column_cells = [row[column].strip() for row in rows if len(row) > column]
     values = [number(cell, layout.decimal) for cell in column_cells]
     numbers = [
         cell
