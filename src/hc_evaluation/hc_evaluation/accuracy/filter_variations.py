@@ -11,10 +11,12 @@ from typing import Any
 
 from hc_estimator.estimate import Hypothesis
 from hc_estimator.multiple_model.hypotheses import (
+    FRESH,
     REFINES,
     RESERVE,
     ROWS,
     STEADY_SURFACE_ROW,
+    ZERO_STEP,
     without,
 )
 
@@ -39,7 +41,8 @@ MECHANISMS: tuple[tuple[str, Mapping[str, Any]], ...] = (
     ("damping that goes its own way", {"without_hypotheses": sum(2**m for m in _REFINED)}),
     ("what other hypotheses leave open", {"mixture_covariance": False}),
     ("no force beyond what was felt", {"possible_forces": False}),
-    ("changes of the tissue", _without(Hypothesis.CHANGED)),
+    ("changes of the tissue", {"without_hypotheses": 2**FRESH}),
+    ("a force zero that steps", {"without_hypotheses": 2**ZERO_STEP}),
     ("turns of the tool", {"find_maneuvers": False}),
     ("delay of the channels", {"channel_delay": 0.0}),
     ("delay by the innovations", {"delay_by_innovations": False}),
