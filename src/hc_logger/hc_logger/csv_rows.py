@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_logger.csv_columns import tells_an_error
-from hc_logger.csv_ending import FEWEST, LOOKED_AT, cut_off_note
+from hc_logger.csv_ending import LOOKED_AT, cut_off_note
 from hc_logger.csv_header import row_of_header
 from hc_logger.csv_layout import NO_COLUMN, CsvLayout
 from hc_logger.csv_number import (
@@ -92,15 +92,11 @@ class RowReader:
         stream = limited_lines(self._path, layout.encoding)
         for _ in islice(stream, layout.header_lines):
             pass
-        line = layout.header_lines + 1
-        latest: list[str] = []  # of the block before
+        line, latest = layout.header_lines + 1, list[str]()  # of the block before
         factors = np.array(layout.factors)
         while not self._has_ended and (lines := list(islice(stream, BLOCK_ROWS))):
             self.characters += sum(map(len, lines))
-            before = lines[-1 - LOOKED_AT : -1]
-            if len(before) < FEWEST:
-                before = latest + before
-            if note := cut_off_note(lines[-1], before, layout):
+            if note := cut_off_note(lines[-1], latest + lines[:-1], layout):
                 lines.pop()
                 self.notes.append(note)
             latest = lines[-LOOKED_AT:]

@@ -8,7 +8,6 @@ everything after eight seconds of contact.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,25 +26,24 @@ from hc_evaluation.accuracy.faulty_sensors import (
 )
 from hc_evaluation.accuracy.measure import Numbers, Setup, known_mean
 from hc_evaluation.accuracy.rates import declared
-from hc_evaluation.accuracy.troubles import AFTER_S, BEFORE_S, CALLED_S, LIKELY, NEGLIGIBLE, OFTEN
+from hc_evaluation.accuracy.troubles import (
+    AFTER_S,
+    BEFORE_S,
+    CALLED_S,
+    OFTEN,
+    TroubleTask,
+    claims,
+    errors_of,
+)
 
 USUAL = 0.9  # of the samples of a run, and of the runs
 WITHIN = 3.0  # deviations
 CHOSEN_HZ = 20.0  # at which consistency is looked at
 
 
-@dataclass(frozen=True)
-class FaultTask:
-    """One run: estimator, fault and seed."""
-
-    setup: Setup
-    fault: str
-    seed: int
-
-
-def fault_run(task: FaultTask) -> Numbers:
+def fault_run(task: TroubleTask) -> Numbers:
     """Errors of K, what was claimed of them, consistency, changes and misfit that are none."""
-    return scores(task.setup, faulty_readings(task.fault, task.seed))
+    return scores(task.setup, faulty_readings(task.trouble, task.seed))
 
 
 def counted_of(readings: FaultyReadings) -> NDArray[np.bool_]:
@@ -63,22 +61,15 @@ def scores(setup: Setup, readings: FaultyReadings) -> Numbers:
     series = setup.create().run(contact.time_s, contact.displacement_mm, contact.force_n)
     counted = counted_of(readings)
     parameters, truth = series.parameters[counted], contact.parameters[counted]
-    error = np.abs(metrics.log_parameter_error(parameters, truth)[:, 0])
-    deviation = series.parameters_std[counted, 0] / parameters[:, 0]
-    flagged = np.asarray(series.model_mismatch, np.bool_)[counted]
-    wrong = ~flagged & ~(error <= LIKELY * deviation + NEGLIGIBLE)
+    error, deviation = errors_of(series, contact.parameters, counted)
     seconds = float(contact.time_s[-1]) - float(contact.time_s[counted][0])
     chosen = slice(None, None, max(1, round(error.size / seconds / CHOSEN_HZ)))
     nees = metrics.nees(parameters[chosen], series.covariance[counted][chosen], truth[chosen])
     late = contact.time_s >= first_touch_s(contact) + CALLED_S
     called = np.asarray(series.change_detected, np.bool_) & late
-    return {
-        "K": float(np.median(error)),
+    return claims(error, deviation, series.model_mismatch[counted]) | {
         "K_90": float(np.quantile(error, USUAL)),
-        "deviation": float(np.median(deviation)),
         "within": float(np.mean(error <= WITHIN * deviation)),
-        "wrong": float(np.mean(wrong)),
-        "mismatch": float(np.mean(flagged)),
         "changes": float(np.count_nonzero(called)),
         "nees": known_mean(nees),
     }
@@ -111,7 +102,7 @@ def sensor_faults(bench: Bench) -> Result:
         return skipped
     names = (NOTHING, *LOST, *UNEVEN, *ZEROS)
     tasks = [
-        FaultTask(missing_allowed if name in LOST else bench.setup, name, bench.first_seed + seed)
+        TroubleTask(missing_allowed if name in LOST else bench.setup, name, bench.first_seed + seed)
         for name in names
         for seed in range(bench.seeds)
     ]

@@ -9,13 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from hc_evaluation import metrics
 from hc_evaluation.accuracy.bench import Bench, Result, Row, target, worst
 from hc_evaluation.accuracy.drawn_contact import TROUBLES, DrawnContact, drawn_contact
 from hc_evaluation.accuracy.measure import Numbers, Setup
+
+FloatArray = NDArray[np.float64]
 
 START_S = 8.0  # from when on the estimate counts
 BEFORE_S, AFTER_S = 0.1, 2.0  # about an abrupt change it does not
@@ -59,6 +63,33 @@ def trouble_run(task: TroubleTask) -> Numbers:
     return believed(task.setup, contact)
 
 
+def errors_of(
+    series: Any, truth: FloatArray, counted: NDArray[np.bool_]
+) -> tuple[FloatArray, FloatArray]:
+    """Errors of ln K of the samples that count, and the deviations that are claimed of them."""
+    parameters = series.parameters[counted]
+    error: FloatArray = np.abs(metrics.log_parameter_error(parameters, truth[counted])[:, 0])
+    return error, series.parameters_std[counted, 0] / parameters[:, 0]
+
+
+def claims(error: FloatArray, deviation: FloatArray, mismatch: ArrayLike) -> Numbers:
+    """What an estimator claims of K: wrong is what is unlikely, and of which no misfit is said.
+
+    Args:
+        error: of ln K, shape (N,).
+        deviation: that is claimed of it, shape (N,).
+        mismatch: whether a misfit is said, shape (N,).
+    """
+    flagged = np.asarray(mismatch, np.bool_)
+    wrong = ~flagged & ~(error <= LIKELY * deviation + NEGLIGIBLE)
+    return {
+        "K": float(np.median(error)),
+        "deviation": float(np.median(deviation)),
+        "wrong": float(np.mean(wrong)),
+        "mismatch": float(np.mean(flagged)),
+    }
+
+
 def believed(setup: Setup, contact: DrawnContact) -> Numbers:
     """Errors of K along a contact, what an estimator claims of them, changes and misfit told."""
     series = setup.create().run(contact.time_s, contact.displacement_mm, contact.force_n)
@@ -68,16 +99,9 @@ def believed(setup: Setup, contact: DrawnContact) -> Numbers:
     if changed is not None:
         counted &= ~((time > changed - BEFORE_S) & (time < changed + AFTER_S))
         called &= ~((time >= changed) & (time < changed + CALLED_S))
-    error = np.abs(metrics.log_parameter_error(series.parameters, contact.parameters)[:, 0])
-    deviation = series.parameters_std[:, 0] / series.parameters[:, 0]
-    flagged = np.asarray(series.model_mismatch, np.bool_)
-    wrong = ~flagged & ~(error <= LIKELY * deviation + NEGLIGIBLE)
-    return {
-        "K": float(np.median(error[counted])),
-        "deviation": float(np.median(deviation[counted])),
-        "wrong": float(np.mean(wrong[counted])),
-        "mismatch": float(np.mean(flagged[counted])),
-        "changes": float(np.count_nonzero(called)),
+    error, deviation = errors_of(series, contact.parameters, counted)
+    return claims(error, deviation, series.model_mismatch[counted]) | {
+        "changes": float(np.count_nonzero(called))
     }
 
 
