@@ -167,8 +167,6 @@ ROWS = (
         Hypothesis.CHANGED,
         (CALM, CALM, CALM, CALM),
         own=1,
-        drives=((0.0, 0.0, 0.0, 0.0),),
-        own_walks=(0.0,),
         own_variances=(1.0,),
         biased=True,
         waits=True,

@@ -19,8 +19,8 @@ from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model import position_step, raw_readings
 from hc_estimator.multiple_model.delay_records import RAW
-from hc_estimator.multiple_model.hypotheses import DEPTH, EXPONENT, LOG_STIFFNESS
-from hc_estimator.multiple_model.kalman import depth_of, force_at
+from hc_estimator.multiple_model.hypotheses import DEPTH
+from hc_estimator.multiple_model.kalman import depth_of, force_at, log_force_variance
 
 LONGEST = 0.5  # for which a displacement that jumped is not believed [s]
 JUMPS_BACK = 0.5  # of the half width of the gate, that a displacement comes back by at least
@@ -276,21 +276,19 @@ def _agrees(settings: Any, bank: Any, row: Any, here: int, force: float) -> bool
         here: number of the displacement.
         force: [N].
     """
-    finder, covariance = bank.delay, row.covariance
+    finder = bank.delay
     values, fastest = finder.raw_value[0], math.sqrt(bank.maneuver.square_speed)
     slow, fast = -fastest, fastest
     before = here - min(bank.gate.agreeing, STEPS)
     if raw_readings.oldest(finder, 0) <= before < here:
         elapsed = finder.raw_time[0, here % RAW] - finder.raw_time[0, before % RAW]
-        velocity = (values[here % RAW] - values[before % RAW]) / elapsed
+        velocity = raw_readings.slope_between(finder, 0, before, here)
         spread = DEVIATIONS * math.sqrt(2.0 * bank.sensor_noise[0]) / elapsed
         slow = min(max(velocity - spread, -fastest), fastest)
         fast = min(max(velocity + spread, -fastest), fastest)
     depth = values[here % RAW] - (row.state[DEPTH] - depth_of(row))
     log_depth = math.log(max(depth, LEAST_DEPTH))
-    unsure = covariance[LOG_STIFFNESS, LOG_STIFFNESS] + log_depth * (
-        2.0 * covariance[LOG_STIFFNESS, EXPONENT] + log_depth * covariance[EXPONENT, EXPONENT]
-    )
+    unsure = log_force_variance(row, log_depth)
     if not unsure < UNSURE * UNSURE:
         return False
     low = force_at(settings, row, depth, slow)

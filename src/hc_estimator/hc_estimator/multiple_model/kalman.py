@@ -85,6 +85,15 @@ def log_speed_of(row: Any, log_speed: float) -> float:
 
 
 @compiled
+def log_force_variance(row: Any, log_depth: float) -> float:
+    """Variance of the logarithm of the elastic force, ln K + n ln d, at a depth's logarithm."""
+    covariance = row.covariance
+    return covariance[LOG_STIFFNESS, LOG_STIFFNESS] + log_depth * (  # type: ignore[no-any-return]
+        2.0 * covariance[LOG_STIFFNESS, EXPONENT] + log_depth * covariance[EXPONENT, EXPONENT]
+    )
+
+
+@compiled
 def squares_left(settings: Any, points: Any, first: int, last: int, row: Any) -> float:
     """Sum of squares [N^2] that a row's law leaves of points, on a surface that stays.
 

@@ -32,6 +32,7 @@ from hc_estimator.multiple_model.hypotheses import (
 from hc_estimator.multiple_model.kalman import (
     depth_of,
     exp_limited,
+    log_force_variance,
     use_depth,
 )
 from hc_estimator.multiple_model.local_polynomial import TOUCHING
@@ -122,16 +123,13 @@ def land(row: Any, reading: float, noise: float) -> bool:
         reading: force [N].
         noise: variance of the sensor [N^2].
     """
-    covariance, n = row.covariance, max(row.state[EXPONENT], 0.5)
+    n = max(row.state[EXPONENT], 0.5)
     depth = depth_at(row, reading, _velocity_of(row))
     if not depth > 0.0:
         return False
     log_depth = math.log(depth)
-    k, e = LOG_STIFFNESS, EXPONENT
     variance = noise / (reading * reading) + DRAG_SHARE**2
-    variance += covariance[k, k] + log_depth * (
-        2.0 * covariance[k, e] + log_depth * covariance[e, e]
-    )
+    variance += log_force_variance(row, log_depth)
     variance /= n * n
     if not variance < LARGEST_SHARE**2:
         return False

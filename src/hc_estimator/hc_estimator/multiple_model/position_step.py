@@ -17,9 +17,9 @@ from hc_estimator.contact.registry import is_plain
 from hc_estimator.linear_algebra import clear_vector
 from hc_estimator.multiple_model import raw_readings, zero_moves
 from hc_estimator.multiple_model.delay_records import RAW
-from hc_estimator.multiple_model.hypotheses import DEPTH, EXPONENT, LOG_STIFFNESS
+from hc_estimator.multiple_model.hypotheses import DEPTH, EXPONENT
 from hc_estimator.multiple_model.judge import SURE
-from hc_estimator.multiple_model.kalman import depth_of
+from hc_estimator.multiple_model.kalman import depth_of, log_force_variance
 from hc_estimator.multiple_model.landing import depth_at
 
 FEWEST = 10  # readings since the jump,
@@ -120,13 +120,11 @@ def take(settings: Any, bank: Any, row: Any, stamp: float) -> None:
         row: whose law it is.
         stamp: of the present displacement [s].
     """
-    gate, covariance = bank.gate, row.covariance
+    gate = bank.gate
     surface = row.state[DEPTH] - depth_of(row)
     depth = max(gate.place - gate.offset - surface, LEAST_DEPTH)
     log_depth = math.log(depth)
-    unsure = covariance[LOG_STIFFNESS, LOG_STIFFNESS] + log_depth * (
-        2.0 * covariance[LOG_STIFFNESS, EXPONENT] + log_depth * covariance[EXPONENT, EXPONENT]
-    )
+    unsure = log_force_variance(row, log_depth)
     of_law = depth / row.state[EXPONENT]
     variance = gate.moment[0] / (gate.offset_weight * gate.offset_count)
     variance += max(unsure, 0.0) * of_law * of_law

@@ -170,10 +170,8 @@ def change_between(finder: Any, channel: int, first: int, last: int, slope: floa
 @compiled
 def _bend(finder: Any, channel: int, number: int) -> float:
     """How far a reading lies from the line through the two before it [mm] or [N]."""
-    times, values = finder.raw_time[channel], finder.raw_value[channel]
-    now, one, two = number % RAW, (number - 1) % RAW, (number - 2) % RAW
-    slope = (values[one] - values[two]) / (times[one] - times[two])
-    return values[now] - values[one] - slope * (times[now] - times[one])  # type: ignore[no-any-return]
+    slope = slope_between(finder, channel, number - 2, number - 1)
+    return change_between(finder, channel, number - 1, number, slope)
 
 
 @compiled

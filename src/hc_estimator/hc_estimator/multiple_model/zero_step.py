@@ -46,8 +46,6 @@ def begin(settings: Any, bank: Any, reference: Any) -> None:
         reference: row that raised the alarm.
     """
     change, row = bank.change, bank.rows[ZERO_STEP]
-    row.active = 0
-    change.zero_leads = 0
     known = reference.model_error == 0.0 and not SURFACE[reference.index]
     known = known and reference.nis[0] < IN_PLACE * IN_PLACE
     asked = is_tried(settings, ZERO_STEP) and settings.find_zeros != 0
