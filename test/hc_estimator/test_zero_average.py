@@ -130,7 +130,7 @@ def test_nothing_that_a_fit_may_leave_makes_a_doubt_of_no_numbers(possible):
 )
 def test_a_zero_that_is_off_and_not_found_is_no_reason_to_be_sure(trouble, seed):
     """Before, 58 to 100 % of the samples of each were told wrong."""
-    assert trouble_run(TroubleTask(Setup(), trouble, seed))["wrong"] < 0.15
+    assert trouble_run(TroubleTask(Setup(), trouble, seed))["wrong"] < 0.2
 
 
 def test_exact_zeros_are_hardly_ever_doubted():

@@ -7,12 +7,20 @@ contact law that does not fit. (Of a force sensor of 10 mN with a low-pass of 73
 a misfit was said in 88 % of the time, and K was within three deviations in 97 % of the samples; of
 one of 32 Hz in all of the time, and in 86 %.)
 
-So the same differences are taken of means of two, four, eight and more readings, up to 8 ms: white
-noise says the same there. What the largest of them says beyond the readings' own differences, and
-beyond chance, is the factor by which the noise counts. Forces and places that a tool makes are
-smooth over 70 ms but for corners: where it touches and leaves the tissue the force's octaves begin
-anew, and what is far beyond the noise known so far is a corner as well, behind which an octave goes
-on. (Ours; a bank of octaves, as the Allan variance is, IEEE Std 952.)
+So the same differences are taken of means of two, four, eight and more readings: white noise says
+the same there. Up to 8 ms nothing of a tool is in them but corners: where it touches and leaves the
+tissue the force's octaves begin anew, and what is far beyond the noise known so far is a corner as
+well, behind which an octave goes on. What the largest of them says beyond the readings' own
+differences, and beyond chance, is the factor by which the noise counts.
+
+Most force sensors filter slower than that, or are read at 60 to 250 Hz. So wider means of the force
+are asked as well, and a motion is told from noise by its growth from one octave to the next: that
+of a tool is sixteenfold at least (the spectrum of a hand falls with the fourth power of the
+frequency, that of smooth presses with the sixth), that of noise behind a filter of the first order
+at most fourfold, and behind one of the second order sixteenfold until it settles. An octave counts
+once the next one is known, less a share of what that one may have grown from; beyond one that grows
+more than any noise does, nothing does. Not so for a place: a hand that trembles at 8 Hz grows like
+noise. (Ours; a bank of octaves, as the Allan variance is, IEEE Std 952.)
 """
 
 from __future__ import annotations
@@ -27,11 +35,17 @@ from hc_estimator.compilation import compiled
 from hc_estimator.mean_squares import largest_by_noise
 from hc_estimator.memory import Field, record_type
 
-OCTAVES = 6  # 2 to 64 readings: 8 ms at 7 kHz
-WIDEST = 0.0085  # time between two means, at most [s]
-BLOCK = 64  # differences of means that are averaged
-BLOCKS = 8  # averages, of which the median counts: what a tool does at once spoils one or two
+OCTAVES = 7  # 2 to 128 readings: 18 ms at 7 kHz
+NO_MOTION = 0.0085  # time between two means up to which nothing of a tool is in them [s]
+WIDEST = 0.15  # time between two means, at most [s]
+# Growth from one octave to the next, of a variance that white noise would leave as it is:
+SETTLED = 4.5  # up to which there is nothing but noise: a filter of the first order makes four
+MOTION_GROWTH = 7.0  # of a motion, at least (sixteen, less chance)
+STEEPEST = 20.0  # which no noise has: a filter of the second order makes sixteen
+BLOCK = 32  # differences of means that are averaged
+BLOCKS = 16  # averages, of which the median counts: what a tool does at once spoils one or two
 FEWEST = 3  # of them that say something
+FEWEST_NEXT = 2  # of them that say whether the octave before was noise
 MEDIAN = 0.64  # information of a median over that of a mean
 CORNER = 9.0  # of one squared difference against the mean, from which on it is of a corner
 CORNERS = 3  # in a row that are none: the noise is another
@@ -78,7 +92,7 @@ def interrupt(color: Any) -> None:
 
 
 @compiled
-def learn(color: Any, channel: Any, reading: float, touches: bool) -> None:
+def learn(color: Any, channel: Any, reading: float, touches: bool, widest: float) -> None:
     """Take a reading after `difference_noise.learn` has.
 
     Args:
@@ -86,6 +100,7 @@ def learn(color: Any, channel: Any, reading: float, touches: bool) -> None:
         channel: record of the same channel in `difference_noise`.
         reading: displacement [mm] or force [N].
         touches: True while a force is felt; where that changes nothing is compared.
+        widest: time between two means, at most [s].
     """
     if channel.jumped != 0:
         restart(color)
@@ -95,7 +110,7 @@ def learn(color: Any, channel: Any, reading: float, touches: bool) -> None:
     color.touches = inside
     value = reading
     for k in range(OCTAVES):
-        if 2.0 ** (k + 1) * channel.step > WIDEST:
+        if 2.0 ** (k + 1) * channel.step > widest:
             return
         if color.waits[k] == 0:
             color.waiting[k] = value
@@ -159,12 +174,22 @@ def of_means(color: Any, channel: Any, variance: float) -> float:
 @compiled
 def factor(color: Any, channel: Any) -> float:
     """By how much the noise's variance is larger, for what moves as a tool does, than it seems."""
-    largest = 1.0
+    largest, before, likely = 1.0, 1.0, 1.0
     for k in range(OCTAVES):
-        if color.count[k] < FEWEST:
+        if color.count[k] < FEWEST_NEXT:
+            break
+        ratio = color.variance[k] / channel.mean
+        growth = ratio / before
+        if growth > SETTLED:  # a motion may have begun in the octave before
+            likely -= ratio / MOTION_GROWTH
+        largest = max(largest, likely)
+        wide = 2.0 ** (k + 1) * channel.step > NO_MOTION
+        if color.count[k] < FEWEST or (wide and growth > STEEPEST):
             break
         freedom = MEDIAN * BLOCK / DEPENDENT * min(color.count[k], BLOCKS)
-        ratio = color.variance[k] / channel.mean
-        if ratio > largest and ratio > largest_by_noise(freedom, SURELY):
-            largest = ratio
+        before, likely = ratio, 1.0
+        if ratio > largest_by_noise(freedom, SURELY):
+            likely = ratio
+            if not wide:
+                largest = max(largest, ratio)
     return largest

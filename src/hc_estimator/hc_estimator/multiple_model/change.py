@@ -31,7 +31,7 @@ from hc_estimator.multiple_model.hypotheses import (
     ZERO_STEP,
     is_tried,
 )
-from hc_estimator.multiple_model.model_error import THRESHOLD, raise_model_error
+from hc_estimator.multiple_model.model_error import THRESHOLD, is_in_air, raise_model_error
 from hc_estimator.multiple_model.rows import free_parameters, prior_deviation, seed, take_motion
 from hc_estimator.multiple_model.zero_step import FORGETTING_TIME, LEAD, SETTLED
 
@@ -123,6 +123,8 @@ def answer(settings: Any, bank: Any, ahead: float) -> None:
             continue
         if change.zero_leads != 0 and m < FRESH:
             continue  # the law has not been asked since
+        if is_in_air(row, bank.clock, bank.sensor_noise):
+            continue  # it is the tool that surprises
         if m == chosen and change.testing == 0 and begin_test(settings, bank, ahead):
             continue
         raise_model_error(settings, row, bank.sensor_noise[1])

@@ -13,9 +13,9 @@ go. Here:
 - Then parameters and model errors are those of before, carried on to now, and the motion is known
   by its last reading only, its velocity within the speeds of the last seconds, and for some
   samples the parameters are considered, not updated, while the velocity is found anew.
-- A tissue that changes is not mistaken for a maneuver: an alarm begins the test of a change all the
-  same. Nor is a law that does not fit: if the test finds no other tissue, and the displacement has
-  shown no maneuver, there is a model error.
+- A tissue that changes is not mistaken for a maneuver: an alarm in contact begins the test of a
+  change all the same. Nor is a law that does not fit: if the test finds no other tissue, and the
+  displacement has shown no maneuver, there is a model error.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from hc_estimator.multiple_model.kalman import (
     predict,
     use_displacement,
 )
-from hc_estimator.multiple_model.model_error import raise_model_error
+from hc_estimator.multiple_model.model_error import is_in_air, raise_model_error
 from hc_estimator.multiple_model.readings import displacement_before, since_displacement
 from hc_estimator.multiple_model.records import KEPT
 from hc_estimator.multiple_model.rows import clear_motion, free_rate
@@ -196,9 +196,10 @@ def answer(settings: Any, bank: Any, time: float, alarm: bool) -> bool:
     slot = _find(maneuver, time, elapsed, maneuver.alarm_since + before_alarm)
     if slot < 0:
         return False
-    changes.begin_test(settings, bank, since_displacement(bank, time))
+    if not is_in_air(chosen, bank.clock, bank.sensor_noise):
+        changes.begin_test(settings, bank, since_displacement(bank, time))
+        maneuver.doubted = 1
     _go_back(bank, slot, time)
-    maneuver.doubted = 1
     return True
 
 

@@ -6,11 +6,12 @@ displacement along with a wrong contact law, and the misfit then shows in the di
 sum runs a few samples late, so that it can use the noise of the very latest differences: a sensor
 that turns noisier raises no alarm.
 
-A row whose alarm is no change of the tissue gains a model-error variance. Each alarm enlarges it,
-and an integral feedback holds the mean normalised innovation squared at 2 from then on, until the
-law fits again. When the noise rises by a factor, so does the covariance of the parameters
-(covariance inflation): that is what a regression on all samples with the larger noise would have
-had (conjugate normal-inverse-gamma model).
+A row whose alarm is no change of the tissue gains a model-error variance (not in the air, where a
+law says nothing, and what surprises is the tool). Each alarm enlarges it, and an integral feedback
+holds the mean normalised innovation squared at 2 from then on, until the law fits again. When the
+noise rises by a factor, so does the covariance of the parameters (covariance inflation): that is
+what a regression on all samples with the larger noise would have had (conjugate
+normal-inverse-gamma model).
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ LARGEST_MODEL_ERROR = 1e12  # [N^2]; no force is so wrong, but a displacement ma
 LARGEST_FEEDBACK = 8.0  # mean squared innovation that the feedback counts at most
 LARGEST_NIS = 50.0  # that the likelihood counts at most
 RECENT_TIME = 0.1  # time constant of recent_nis [s]
+A_FORCE = 4.0  # deviations of a force that is there
 TEMPERED = 2.0  # force noise over the sensor's from which on the force is hardly used
 
 
@@ -68,6 +70,22 @@ def raise_model_error(settings: Any, row: Any, sensor_noise: float) -> None:
     """Answer an alarm that is no change of the tissue."""
     noise = sensor_noise + row.model_error
     set_model_error(settings, row, row.model_error + RAISE * noise, sensor_noise)
+
+
+@compiled
+def is_in_air(row: Any, clock: Any, sensor_noise: Any) -> bool:
+    """True if a row expects no force and there is none: what surprises it is the motion.
+
+    Args:
+        row: after its update.
+        clock: record of the sample.
+        sensor_noise: variances in use, shape (2,).
+    """
+    if depth_of(row) > 0.0 or row.predicted_force > 0.0:
+        return False
+    if clock.present[1] == 0:
+        return True
+    return bool(abs(clock.measurement[1]) <= A_FORCE * math.sqrt(sensor_noise[1]))
 
 
 @compiled

@@ -71,7 +71,8 @@ def learn(settings: Any, bank: Any, time: float) -> None:
                 reading = clock.measurement[i]
                 difference_noise.learn(settings, bank.noise[i], time, reading, broken, floor)
                 # A place has no corner where the tool touches.
-                noise_color.learn(bank.color[i], bank.noise[i], reading, pushes or i == 0)
+                widest = noise_color.WIDEST if i == 1 else noise_color.NO_MOTION
+                noise_color.learn(bank.color[i], bank.noise[i], reading, pushes or i == 0, widest)
         follow_noise(bank)
     chosen = bank.rows[bank.judge.chosen]
     if settings.motion_adaptation != 0 and clock.present[0] != 0:
