@@ -96,3 +96,58 @@ def test_summer_time_that_ends_is_no_step_where_the_zone_is_told(tmp_path: Path)
     path.write_text("timestamp,displacement_mm,force_N\n" + "".join(rows))
     time_s = read_recording(path).time_s
     np.testing.assert_allclose(np.diff(time_s), 0.01, atol=1e-6)
+
+
+def night(path: Path, begun: datetime, offsets: tuple[int, int]) -> Path:
+    """Write 400 rows of 10 ms whose local clock is put to another offset after 200 of them."""
+    rows = []
+    for k in range(400):
+        local = begun + timedelta(milliseconds=10 * k, hours=offsets[k >= 200])
+        rows.append(f"{local.isoformat(timespec='milliseconds')},{k / 100},1.5\n")
+    path.write_text("timestamp,displacement_mm,force_N\n" + "".join(rows))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("begun", "offsets", "said"),
+    [
+        (
+            datetime(2026, 10, 25, 0, 59, 58),
+            (2, 1),
+            "goes back by an hour, as summer time ends (02:59:59.990, then 02:00:00)",
+        ),
+        (
+            datetime(2026, 3, 29, 0, 59, 58),
+            (1, 2),
+            "leaves an hour out, as summer time begins (01:59:59.990, then 03:00:00)",
+        ),
+    ],
+)
+def test_a_local_clock_that_is_put_back_or_forward_goes_on(
+    tmp_path: Path, begun: datetime, offsets: tuple[int, int], said: str
+) -> None:
+    """Regression: 200 rows had "a time before that of the row before", an hour of them."""
+    recording = read_recording(night(tmp_path / "night.csv", begun, offsets))
+    np.testing.assert_allclose(np.diff(recording.time_s), 0.01, atol=1e-6)
+    assert recording.findings.backward == 0
+    assert any(said in note for note in recording.findings.notes)
+
+
+@pytest.mark.parametrize(
+    ("hour", "offsets"),
+    [(12, (2, 1)), (0, (2, 0)), (12, (1, 2))],
+    ids=["at noon", "two hours", "at noon, forward"],
+)
+def test_a_clock_that_steps_otherwise_is_taken_at_its_word(
+    tmp_path: Path, hour: int, offsets: tuple[int, int]
+) -> None:
+    begun = datetime(2026, 10, 25, hour, 59, 58)
+    time_s = read_recording(night(tmp_path / "night.csv", begun, offsets)).time_s
+    hours = offsets[1] - offsets[0]
+    assert time_s[200] - time_s[199] == pytest.approx(0.01 + 3600.0 * hours, abs=1e-6)
+
+
+def test_an_hour_that_is_not_full_is_a_pause_or_a_step(tmp_path: Path) -> None:
+    begun = datetime(2026, 10, 25, 0, 30, 0)
+    time_s = read_recording(night(tmp_path / "night.csv", begun, (2, 1))).time_s
+    assert time_s[200] - time_s[199] == pytest.approx(-3599.99, abs=1e-6)

@@ -35,6 +35,11 @@ _CLOCK: Final = re.compile(
 )
 _MINUTES: Final = re.compile(r"(?P<minute>\d{1,4}):(?P<second>\d{2})[.,](?P<part>\d{1,12})")
 """As spreadsheets show a time, mm:ss.0; without a fraction it may be hours and minutes."""
+HOUR_S: Final = 3600.0
+_LAST_CHANGE_S: Final = 4.0 * HOUR_S
+"""Local time at which summer time begins or ends at the latest, from 1 h on."""
+_COARSE_CLOCK_S: Final = 1.0
+"""Step of a clock that shows whole seconds."""
 
 
 def number(cell: str, decimal: str, *, decimal_is_sure: bool = False) -> float | None:
@@ -163,29 +168,68 @@ def clock_period(cells: Iterable[str]) -> float:
     """Return after how long a clock shows the same again [s]: an hour if it shows no hours."""
     texts = (cell.strip() for cell in cells)
     shown = [text for text in texts if text.lower() not in MISSING]
-    return 3600.0 if shown and all(map(_MINUTES.fullmatch, shown)) else DAY_S
+    return HOUR_S if shown and all(map(_MINUTES.fullmatch, shown)) else DAY_S
 
 
 class Stopwatch:
     """Makes times that only go on of times of day: from the first one, midnights counted.
 
+    A clock of local time is put forward or back by an hour in two nights of the year; it goes on.
+
     Args:
         period_s: after which the clock begins anew [s].
+
+    Attributes:
+        notes: what was taken for such a night, one line each.
     """
 
     def __init__(self, period_s: float = DAY_S) -> None:
+        self.notes: list[str] = []
         self._period_s = period_s
         self._first: float | None = None
-        self._periods_s = 0.0
+        self._added_s = 0.0  # midnights, and hours by which the clock was put back
         self._last = math.nan
+        self._step_s = 0.0  # between the two rows before
 
     def elapsed(self, time_of_day_s: float) -> float:
         """Return the seconds since the first time of day; NaN for NaN."""
         if math.isnan(time_of_day_s):
             return time_of_day_s
         if self._first is None:
-            self._first = time_of_day_s
-        elif time_of_day_s < self._last - self._period_s / 2.0:
-            self._periods_s += self._period_s
+            self._first = self._last = time_of_day_s
+        if time_of_day_s < self._last - self._period_s / 2.0:
+            self._added_s += self._period_s
+        elif put_back_s := self._put_back(time_of_day_s):
+            self._added_s += put_back_s
+        else:
+            self._step_s = time_of_day_s - self._last
         self._last = time_of_day_s
-        return self._periods_s + time_of_day_s - self._first
+        return self._added_s + time_of_day_s - self._first
+
+    def _put_back(self, now_s: float) -> float:
+        """Return by how much the clock was put back for the end of summer time [s], else 0.
+
+        3600, or -3600 where it begins: at a full hour of the night, with a step of rows between.
+        """
+        most_s = max(_COARSE_CLOCK_S, 2.0 * self._step_s)
+        at_s = round(self._last / HOUR_S) * HOUR_S
+        moved_s = HOUR_S if now_s < self._last else -HOUR_S
+        is_at_night = HOUR_S <= at_s <= _LAST_CHANGE_S and self._last <= at_s <= now_s + moved_s
+        if self._period_s <= HOUR_S or not is_at_night:
+            return 0.0
+        if not 0.0 < now_s + moved_s - self._last <= most_s:
+            return 0.0
+        which = "goes back by an hour, as summer time ends"
+        if moved_s < 0.0:
+            which = "leaves an hour out, as summer time begins"
+        self.notes.append(
+            f"the clock {which} ({_shown(self._last)}, then {_shown(now_s)}): the times go on there"
+        )
+        return moved_s
+
+
+def _shown(time_of_day_s: float) -> str:
+    """Return a time of day as on a clock, to the millisecond."""
+    whole, ms = divmod(round(1000.0 * time_of_day_s), 1000)
+    part = f".{ms:03d}" if ms else ""
+    return f"{whole // 3600:02d}:{whole // 60 % 60:02d}:{whole % 60:02d}{part}"

@@ -223,9 +223,8 @@ class RowReader:
         reader = csv.reader((lines[k] for k in range(begin, len(lines))), delimiter=separator)
         line = begin
         while True:
-            is_open = False
             try:
-                cells = next(reader, None)
+                cells, is_open = next(reader, None), False
             except csv.Error as error:
                 if not any(map(self._is_row, lines[line + 1 : line + 2])):
                     where = first + begin + max(reader.line_num - 1, 0)
@@ -360,6 +359,7 @@ class RowReader:
 
     def _end(self) -> None:
         """Say what was passed over and left out."""
+        self.notes += self._watch.notes
         if self._repeated:
             times = f" {len(self._repeated)} times" if len(self._repeated) > 1 else ""
             self.notes.append(

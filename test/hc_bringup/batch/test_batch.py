@@ -82,6 +82,10 @@ def test_broken_recordings_are_rows_with_a_reason(
     assert batch(folder, "-o", target, "--json") == 0
     told = summary(capsys)
     assert (told["recordings"], told["without_result"]) == (2 + broken, broken)
+    assert (told["results"], told["made"], told["kept"]) == (2, 2, 0)
+    assert batch(folder, "-o", target, "--resume") == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    assert first.startswith(f"9 recordings: 0 results made, 2 kept, {broken} without a result, ")
     found = {row["recording"]: row for row in rows(target / "recordings.csv")}
     assert "is empty" in found["empty.csv"]["reason"]
     assert "line 3" in found["cut.csv"]["reason"]
@@ -93,6 +97,23 @@ def test_broken_recordings_are_rows_with_a_reason(
     assert not found["r0000.csv"]["reason"]
     page = (target / "overview.html").read_text()
     assert "no contact in 99 samples" in page
+
+
+def test_a_recording_that_only_some_variants_can_use_says_which(
+    make_recordings: MakeRecordings, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: it was counted among the results made, and said to have none at all."""
+    folder, target = make_recordings(1), tmp_path / "out"
+    (folder / "empty.csv").write_text("")
+    head, *lines = (folder / "r0000.csv").read_text().splitlines()
+    pushed = (f"{t},{d},{float(f) + 0.5}" for t, d, f in map(cells, lines))
+    (folder / "r0000.csv").write_text("\n".join([head, *pushed]) + "\n")
+    sweep = ("--sweep", "force_limit=0.001,50")
+    assert batch(folder, "-o", target, *sweep) == 0
+    first, *lines = capsys.readouterr().out.splitlines()
+    assert first.startswith("2 recordings through 2 variants: 1 result made, 0 kept, 3 without a")
+    said = [line for line in lines if line.startswith("without a result: ")]
+    assert [line.split(":")[1] for line in said] == [" empty.csv", " r0000.csv, force_limit=0.001"]
 
 
 def test_a_recording_that_is_read_wrongly_has_a_reason_and_no_parameters(

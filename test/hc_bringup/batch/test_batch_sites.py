@@ -96,7 +96,10 @@ def test_recordings_without_a_touch_that_counts_stay_on_the_page(
     press_two_places(folder / "a.csv", 0, (0.3, 0.8))
     words = ["batch", str(folder), "-o", str(target), "-j", "1", "--sites"]
     assert main([*words, "--minimum-force", "100"]) == 0
-    assert "1 recordings: 1 results made, 0 kept, 0 contacts" in capsys.readouterr().out
+    assert (
+        "1 recording: 1 result made, 0 kept, 0 without a result, 0 contacts"
+        in capsys.readouterr().out
+    )
     assert rows(target / "sites.csv") == []
     page = (target / "overview.html").read_text()
     assert "a.csv" in page

@@ -54,7 +54,7 @@ class Campaign:
         command: the command line that makes the same results.
         reading: the part of it that says how recordings are read and what counts as a contact.
         answers: to the tasks that were done, by recording: content, size and keys.
-        made: results made by this run.
+        made: results made by this run that have numbers.
         complete: whether every task was done.
     """
 

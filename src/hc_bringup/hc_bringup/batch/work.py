@@ -93,7 +93,7 @@ class Answer:
         content: SHA-256 of the recording; empty if it cannot be read.
         size: its bytes.
         keys: names of the results by number of the variant.
-        made: how many of them were made now, rather than kept.
+        made: how many of them were made now, rather than kept, and have numbers.
     """
 
     number: int
@@ -118,6 +118,7 @@ def analyse(task: Task) -> Answer:
         return _give_up(task, "", 0, f"cannot be read: {error.strerror or error}")
     keys = {n: result_key(task, variant, content) for n, variant in task.variants}
     waiting = [(n, v) for n, v in task.variants if not (task.resume and _is_there(task, keys[n]))]
+    made = 0
     if waiting:
         recording, reason, again = _read(task)
         for number, variant in waiting:
@@ -127,7 +128,8 @@ def analyse(task: Task) -> Answer:
                 name = Path("estimates", f"recording={content[:16]}", keys[number][:16])
                 result = _estimate(task, variant, recording, name)
             write_result(task.folder, keys[number], result)
-    return Answer(task.number, content, size, keys, len(waiting))
+            made += not result["reason"]
+    return Answer(task.number, content, size, keys, made)
 
 
 def died(task: Task) -> Answer:
@@ -231,7 +233,7 @@ def _give_up(task: Task, content: str, size: int, reason: str) -> Answer:
     for number, variant in task.variants:
         keys[number] = result_key(task, variant, f"{UNREADABLE} {task.path}")
         write_result(task.folder, keys[number], _failure(reason, again=True))
-    return Answer(task.number, content, size, keys, len(keys))
+    return Answer(task.number, content, size, keys, 0)
 
 
 def _read(task: Task) -> tuple[Any, str, bool]:

@@ -22,6 +22,8 @@ HELP = "run thousands of recordings through the estimator into tables; resumes, 
 COMPILES = True
 HEARTBEAT = True
 MOST_WORKERS = 1024
+MOST_REASONS = 5
+"""Of recordings without a result that are said; the table has all."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -248,19 +250,20 @@ def _tell(
 ) -> None:
     from hc_bringup.summary import to_json
 
-    without: dict[str, str] = {}
+    failures: dict[str, list[tuple[str, str]]] = {}
     contacts = 0
     for done in campaign.results():
         if done.result["reason"]:
-            without.setdefault(done.name, done.result["reason"])
+            failures.setdefault(done.name, []).append((done.variant.label, done.result["reason"]))
         contacts += done.result["recording"].get("contacts", 0)
+    without = sum(map(len, failures.values()))
     summary = {
         "recordings": len(campaign.paths),
         "variants": len(campaign.variants),
-        "results": campaign.done,
+        "results": campaign.done - without,
         "made": campaign.made,
-        "kept": campaign.done - campaign.made,
-        "without_result": len(without),
+        "kept": campaign.done - without - campaign.made,
+        "without_result": without,
         "contacts": contacts,
         "complete": campaign.complete,
         "seconds": seconds,
@@ -271,15 +274,30 @@ def _tell(
         return
     variants = f" through {len(campaign.variants)} variants" if len(campaign.variants) > 1 else ""
     print(
-        f"{len(campaign.paths)} recordings{variants}: {campaign.made} results made, "
-        f"{summary['kept']} kept, {contacts} contacts, {seconds:.1f} s"
+        f"{_count(len(campaign.paths), 'recording')}{variants}: "
+        f"{_count(campaign.made, 'result')} made, {summary['kept']} kept, "
+        f"{without} without a result, {_count(contacts, 'contact')}, {seconds:.1f} s"
     )
-    for number, (name, reason) in enumerate(without.items()):
-        if number == 5:
-            print(f"and {len(without) - 5} more without a result: see recordings.csv")
-            break
-        print(f"without a result: {name}: {reason}")
+    lines = [
+        line for name, of in failures.items() for line in _why(name, of, len(campaign.variants))
+    ]
+    for line in lines[:MOST_REASONS]:
+        print(f"without a result: {line}")
+    if len(lines) > MOST_REASONS:
+        print(f"and {len(lines) - MOST_REASONS} more without a result: see recordings.csv")
     if not campaign.complete:
         print(f"ended early with {campaign.done} of {campaign.total}: --resume goes on")
     for name in summary["written"]:
         print(f"written: {name}")
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def _why(name: str, failures: Sequence[tuple[str, str]], variants: int) -> list[str]:
+    """Return why a recording has no result: one line if that is so of every variant alike."""
+    reasons = {reason for _, reason in failures}
+    if len(failures) == variants and len(reasons) == 1:
+        return [f"{name}: {reason}" for reason in reasons]
+    return [f"{name}, {label}: {reason}" for label, reason in failures]
