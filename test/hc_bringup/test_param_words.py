@@ -33,6 +33,10 @@ from hc_bringup.errors import UserError
             "Parameter noise out of range Min: 1e-09, Max: 1000.0, value: -1.0",
             "-1 is not a number from 1e-09 to 1000",
         ),
+        (
+            "Parameter count out of range. Min: 1, Max: 9, value: 10",
+            "10 is not a number from 1 to 9",
+        ),
         ("it is not one of x, y, z", "it is not one of x, y, z"),
     ],
 )
@@ -111,3 +115,11 @@ def test_the_value_that_was_refused_is_told():
     graph = SimpleNamespace(call=lambda *_: SimpleNamespace(result=result))
     with pytest.raises(UserError, match="setting noise to 'nan' failed: it takes a number"):
         param._set_atomically(graph, None, [Parameter("noise", value="nan")])
+
+
+def test_what_a_node_of_the_suite_says_stands_alone():
+    """It names the parameter, its value and what it may be: nothing is said twice."""
+    said = "parameter noise = -1.0 is not a number from 1e-09 to 1000 N"
+    one, other = Parameter("noise", value=-1.0), Parameter("seed", value=1)
+    assert param._refused([one], said) == said
+    assert param._refused([other, one], said) == f"none was changed: {said}"

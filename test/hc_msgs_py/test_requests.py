@@ -69,6 +69,37 @@ def test_a_parameter_that_is_not_there_is_named(ask):
     assert (result.successful, result.reason) == (False, said)
 
 
+def test_what_a_parameter_may_be_is_said_with_its_name_and_unit(ask):
+    """Regression: rclpy's words reached whoever asked, and none of them said which parameter."""
+    given = {
+        "another type": value(4, string_value="nan"),
+        "out of range": value(3, double_value=-1.0),
+        "null": value(NOT_SET),
+        "fixed": Parameter(name="seed", value=ParameterValue(type=2, integer_value=1)),
+        "right": value(3, double_value=1.5),
+    }
+    answers = ask(
+        SetParameters, "set_parameters", SetParameters.Request(parameters=list(given.values()))
+    ).results
+    said = {name: one.reason for name, one in zip(given, answers, strict=True)}
+    assert said["another type"].startswith("parameter speed = 'nan' is not a number from ")
+    assert said["out of range"].startswith("parameter speed = -1.0 is not a number from ")
+    assert said["null"].startswith("parameter speed takes a value (a number from ")
+    assert said["fixed"].startswith("parameter seed is read-only: give it when the node starts")
+    assert [one.successful for one in answers] == [False, False, False, False, True]
+    request = SetParametersAtomically.Request(parameters=[given["right"], given["out of range"]])
+    result = ask(SetParametersAtomically, "set_parameters_atomically", request).result
+    assert (result.successful, result.reason) == (False, said["out of range"])
+
+
+def test_a_whole_number_is_a_number(ask):
+    """Regression: `ros2 param set /indenter speed 2` and Foxglove's panel were refused."""
+    request = SetParameters.Request(parameters=[value(2, integer_value=2)])
+    assert ask(SetParameters, "set_parameters", request).results[0].successful
+    values = ask(GetParameters, "get_parameters", GetParameters.Request(names=["speed"])).values
+    assert (values[0].type, values[0].double_value) == (3, 2.0)
+
+
 def test_a_hundred_calls_at_once_are_all_answered(caller, rig):
     """Regression: 42 of them were; whoever asked the others waited without an end."""
     deep = QoSProfile(depth=1000)

@@ -30,7 +30,7 @@ _TYPES = {
 """What a user types for a type of rclpy."""
 _READ_ONLY = re.compile(r"Trying to set a read-only parameter: .*")
 _UNDECLARED = "Static parameter cannot be undeclared"
-_RANGE = re.compile(r"Parameter \S+ out of range Min: (\S+), Max: (\S+), value: (\S+)")
+_RANGE = re.compile(r"Parameter \S+ out of range[.]? Min: (\S+), Max: (\S+), value: (\S+)")
 MOST_NAMES = 20
 """Parameters of a node that are named where none is like the one that was asked for."""
 
@@ -262,14 +262,21 @@ def _like(current: Any, given: Any) -> Any:
 def _set_atomically(graph: Any, client: Any, parameters: list[Any]) -> None:
     answer = graph.call(lambda: client.set_parameters_atomically(parameters), "setting")
     if not answer.result.successful:
-        names = ", ".join(p.name for p in parameters)
-        if len(parameters) == 1:
-            names += f" to {parameters[0].value!r}"
-        raise UserError(f"setting {names} failed: {_plain(answer.result.reason)}", FAILURE)
+        raise UserError(_refused(parameters, answer.result.reason), FAILURE)
+
+
+def _refused(parameters: list[Any], reason: str) -> str:
+    """Return one line of why a node took none of these."""
+    if any(reason.startswith(f"parameter {p.name} ") for p in parameters):  # a node of the suite
+        return reason if len(parameters) == 1 else f"none was changed: {reason}"
+    names = ", ".join(p.name for p in parameters)
+    if len(parameters) == 1:
+        names += f" to {parameters[0].value!r}"
+    return f"setting {names} failed: {_plain(reason)}"
 
 
 def _plain(reason: str) -> str:
-    """Return why a value was refused without rclpy's names of types and its other words."""
+    """Return why a node of others refused a value, without rclpy's names of types and such."""
     if _READ_ONLY.fullmatch(reason):
         return "it is read-only: give it when the node starts (hc run --param, or its file)"
     if reason == _UNDECLARED:
