@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -178,6 +180,38 @@ def test_a_recording_says_at_once_why_it_ends_and_keeps_what_it_had(
         assert readable == list(range(len(readable)))
     assert tried > 200
     assert open_files() == before
+
+
+def test_a_bag_that_somebody_deletes_is_told_while_it_is_recorded(
+    tmp_path: Path, sample_messages: Any, start_ns: int
+) -> None:
+    """Regression: hours were recorded into a file without a name, and told at the end of the run.
+
+    A part that was finished before may go: who copies it elsewhere takes it away.
+    """
+    stamps = start_ns + np.arange(40) * 1_000_000
+    data = sample_messages(np.arange(40), stamps)
+    writer = BagWriter(tmp_path / "bag", max_file_duration_s=0.01)
+    session = RecordingSession(writer, flush_interval_s=0.0, fsync_interval_s=0.01)
+    topic = session.add_topic("indenter/sample", SAMPLE, [])
+    rows = list(zip(stamps.tolist(), data, strict=True))
+
+    def record(some: slice, wait_s: float) -> None:
+        for stamp, message in rows[some]:
+            session.add_many(topic, [stamp], [message], [stamp], [None])
+        until = time.monotonic() + wait_s
+        while not session.failure and time.monotonic() < until:
+            session.flush_if_due()
+            time.sleep(0.001)
+
+    record(slice(0, 20), 0.0)
+    (tmp_path / "bag" / "bag_0.mcap").unlink()
+    record(slice(20, 30), 0.2)
+    assert session.failure == ""
+    shutil.rmtree(tmp_path / "bag")
+    record(slice(30, 34), 20.0)
+    assert session.failure == f"cannot write {tmp_path}/bag: its file was deleted meanwhile"
+    session.close()
 
 
 def bag_files_with_content(bag: Path) -> bool:

@@ -65,7 +65,7 @@ def test_a_live_run_is_recomputed_to_the_last_bit(
     play_and_record: Callable[..., Any], graph: Any, tmp_path: Path
 ) -> None:
     """Parameters, filter, state space, zero, a reset and a jump back, all while it runs."""
-    from hc_msgs.msg import EstimatorConfiguration, HuntCrossleyEstimate
+    from hc_msgs.msg import EstimatorConfiguration, HuntCrossleyEstimate, IndenterSample
     from rclpy.serialization import deserialize_message, serialize_message
     from std_srvs.srv import Trigger
 
@@ -138,6 +138,22 @@ def test_a_live_run_is_recomputed_to_the_last_bit(
     assert report.compared == len(recording.estimates) - report.not_comparable
     assert report.different == 0
     assert any("revision 2 was not recorded" in note for note in report.notes)
+
+    # one sample that is missing leaves what was before it known
+    gone = int(recording.sequence[700])
+
+    def lose(message: Any) -> bytes | None:
+        if message.topic != "/indenter/sample":
+            return bytes(message.data)
+        sample = deserialize_message(message.data, IndenterSample)
+        return None if sample.sequence == gone else bytes(message.data)
+
+    report = verify(read_recording(copy_with(bag, tmp_path / "lost", lose)))
+    before = int(np.count_nonzero(recording.estimates["sequence"] < gone))
+    assert report.different == 0
+    assert before <= report.compared < len(recording.estimates)
+    assert report.not_comparable == len(recording.estimates) - report.compared > 0
+    assert any("1 of their samples was not recorded" in note for note in report.notes)
 
     # a recorder that came late has no beginning to go on from
     with BagReader(bag) as reader:

@@ -267,7 +267,8 @@ def run_text(summary: dict[str, Any]) -> str:
         lines += [*_estimator_lines(other), *_parameter_lines(other)]
     if summary["not_recorded"]:
         lines.append(
-            f"not in the bag: {summary['not_recorded']} messages; the recorder stood still, or the "
+            f"not in the bag: {summary['not_recorded']} "
+            f"message{'s'[: summary['not_recorded'] != 1]}; the recorder stood still, or the "
             "computer was too busy"
         )
     if summary["bag"]:

@@ -35,6 +35,7 @@ class RawFile:
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
         self._number = os.open(path, flags, 0o666)
         self._position = 0
+        self._has_names = os.fstat(self._number).st_nlink > 0  # some file systems count none
 
     def write(self, data: bytes) -> int:
         """Write all of it.
@@ -59,7 +60,13 @@ class RawFile:
         """Do nothing: nothing is held back."""
 
     def duplicate(self) -> int:
-        """Return a file descriptor of its own, for a sync in another thread."""
+        """Return a file descriptor of its own, for a sync in another thread.
+
+        Raises:
+            FileNotFoundError: if somebody has deleted the file: what is written goes nowhere.
+        """
+        if self._has_names and not os.fstat(self._number).st_nlink:
+            raise FileNotFoundError(errno.ENOENT, "its file was deleted meanwhile")
         return os.dup(self._number)
 
     def sync(self) -> None:
@@ -70,7 +77,7 @@ class RawFile:
     def none(cls) -> RawFile:
         """Return one that is closed already."""
         file = cls.__new__(cls)
-        file._number, file._position = -1, 0
+        file._number, file._position, file._has_names = -1, 0, False
         return file
 
     @property

@@ -144,16 +144,21 @@ def verify(recording: Recording) -> VerificationReport:
                 )
                 estimator = None
         places = _displacements(recording, own, chosen, frame)
-        if estimator is not None and np.any(own < 0):
-            reason = f"{int(np.count_nonzero(own < 0))} samples of the estimates were not recorded"
-            estimator = None
-        count = segment.end - segment.start
+        missing = np.flatnonzero(own < 0)
+        known_until = int(missing[0]) if len(missing) else len(own)
         if estimator is None or chosen is None:
+            known_until = 0
+        elif known_until:
+            some = slice(known_until)
+            recorded = estimates[segment.start : segment.end][some]
+            _compare(estimator, chosen, recording, own[some], places[some], recorded, report)
+        if len(missing) and estimator is not None:
+            were = "was" if len(missing) == 1 else "were"
+            reason = f"{len(missing)} of their samples {were} not recorded"
+            estimator = None
+        if count := len(own) - known_until:
             report.not_comparable += count
             report.notes.append(f"{count} estimates: {reason or 'what came before is not known'}")
-            continue
-        recorded = estimates[segment.start : segment.end]
-        _compare(estimator, chosen, recording, own, places, recorded, report)
     return report
 
 

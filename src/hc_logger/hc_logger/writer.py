@@ -252,12 +252,11 @@ class BagWriter:
         """Hand what was flushed to the disk; may take long, may be called from another thread.
 
         Raises:
-            OSError: if the disk failed.
+            OSError: if the disk failed, or somebody has deleted the file.
         """
         with self._files_lock:
-            numbers, self._unsynced = self._unsynced, []
-            if not self._stream.closed:
-                numbers.append(self._stream.duplicate())
+            numbers = [] if self._stream.closed else [self._stream.duplicate()]
+            numbers, self._unsynced = self._unsynced + numbers, []
         try:
             for number in numbers:
                 sync(number)
