@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from hc_bringup.force_error import dishonest_line
+from hc_bringup.held_tool import relaxing_line
 from hc_bringup.other_damping import damping_at_every_depth
 from hc_bringup.place_delay import MOST_NOISES, Delay, delay_between_places
 from hc_bringup.terminal.numbers import rounded
@@ -163,6 +165,10 @@ def diagnose(
             findings += late
             after = samples.estimate()
     findings += _refusals(after, len(samples.time_s), but=OUT_OF_RANGE if samples.limits else "")
+    if not spoilt and (
+        line := relaxing_line(samples.time_s, samples.displacement_mm, samples.force_n)
+    ):
+        findings.append(Finding(line))
     if after is not None and after.mismatch > DISTURBED_SHARE:
         findings.append(
             Finding(
@@ -171,6 +177,8 @@ def diagnose(
                 "(hc contacts --sites), or a fault above"
             )
         )
+    if after is not None and (line := dishonest_line(after.nis)):
+        findings.append(Finding(line))
     depth = float(robust_range(samples.displacement_mm[np.isfinite(samples.displacement_mm)])[1])
     plans: list[Forecast] = []
     if after is not None and not spoilt:

@@ -19,6 +19,22 @@ from numpy.typing import NDArray
 
 SETTLING_S: Final = 1.0
 """From the first contact on, left out of force errors: the estimator knows nothing yet."""
+DISHONEST_NIS: Final = 20.0
+"""Mean NIS, ideally 2, from which on nothing that stands behind ± holds."""
+
+
+def dishonest_line(nis: float) -> str:
+    """Say that errors are too large for the deviations that are told; empty if they are not.
+
+    Args:
+        nis: mean normalised innovation squared, of both readings.
+    """
+    if not nis > DISHONEST_NIS:
+        return ""
+    return (
+        f"errors are far larger than the filter admits: mean NIS {nis:.4g} (ideal 2); take what "
+        "stands behind ± for too small"
+    )
 
 
 def one_step_error(measured_n: Any, predicted_n: Any) -> Any:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_bringup.force_error import settled
 from hc_bringup.terminal.numbers import rounded
 from hc_estimator import Rejection, create_estimator
 from hc_estimator.kinds import DEFAULT_FILTER
@@ -18,6 +19,7 @@ from hc_estimator.stream.in_pieces import run_in_pieces
 from hc_estimator.stream.readings import Check, Suspicion, robust_range
 from hc_estimator.stream.repeats import once_each
 from hc_estimator.stream.sensor_setup import SURFACE_SHARE
+from hc_estimator.stream.together import of_two_readings
 from hc_msgs_py.units import NANOSECONDS
 
 FloatArray = NDArray[np.float64]
@@ -37,6 +39,7 @@ class Estimated:
         force_noise_std: deviation of the force from the law [N].
         mismatch: share of the samples in which the law did not fit.
         rejected: refused samples by reason.
+        nis: mean normalised innovation squared of what is settled, ideally 2.
     """
 
     parameters: FloatArray
@@ -46,6 +49,7 @@ class Estimated:
     force_noise_std: float
     mismatch: float
     rejected: dict[str, int]
+    nis: float
 
 
 @dataclass
@@ -188,6 +192,7 @@ class Samples:
         touched = series.contact & (series.rejected == 0)
         if not touched.any():
             return None
+        counted = settled(self.time_s, touched)
         last = series[int(np.flatnonzero(touched)[-1])]
         codes, counts = np.unique(series.rejected[series.rejected != 0], return_counts=True)
         return Estimated(
@@ -198,4 +203,5 @@ class Samples:
             last.force_noise_std,
             float(np.mean(series.model_mismatch[touched])),
             {Rejection(c).name.lower(): int(n) for c, n in zip(codes, counts, strict=True)},
+            float(np.mean(of_two_readings(series.nis, series.innovation)[counted])),
         )

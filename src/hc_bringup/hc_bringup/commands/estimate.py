@@ -20,8 +20,6 @@ HELP = "run an estimator over a recording (CSV or bag) and print the parameters"
 COMPILES = True
 LEAST_USED_SHARE = 0.02
 """Of the samples: a recording of which less can be used shows nothing of the tissue."""
-DISHONEST_NIS = 20.0
-"""Mean NIS, ideally 2, from which on nothing that stands behind ± holds."""
 _NOTHING_KNOWN = 0.01
 _FIGURES = ("force_predicted_rmse_n", "force_reconstructed_rmse_n", "nis_mean")
 
@@ -49,6 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     import sys
 
+    from hc_bringup.force_error import dishonest_line
     from hc_bringup.reading_changes import change_lines, unexplained
     from hc_bringup.summary import MISFIT_SHARE, to_json, why_unusable
     from hc_estimator.stream.in_pieces import run_in_pieces
@@ -118,12 +117,8 @@ def run(arguments: argparse.Namespace) -> int:
             f"{name}: {wrong}: do what stands above them, or see hc doctor "
             f"{shlex.quote(typed(arguments))}"
         )
-    if not arguments.json and summary["nis_mean"] > DISHONEST_NIS:
-        print(
-            f"{name}: errors are far larger than the filter admits: mean NIS "
-            f"{summary['nis_mean']:.4g} (ideal 2); take what stands behind ± for too small",
-            file=sys.stderr,
-        )
+    if not arguments.json and (line := dishonest_line(summary["nis_mean"])):
+        print(f"{name}: {line}", file=sys.stderr)
     if misfit > MISFIT_SHARE:
         print(
             f"{name}: the contact law did not fit in {100 * misfit:.0f} % of the "
