@@ -290,6 +290,27 @@ def test_keys_of_a_terminal(processes: Processes, graph: Any, make_bag: MakeBag)
         os.close(terminal)
 
 
+def test_a_name_that_ros_does_not_permit_is_left_out(
+    start_node: Start, graph: Any, make_bag: MakeBag, tmp_path: Path
+) -> None:
+    """Regression: "the node failed: InvalidTopicNameException", and nothing was played."""
+    with BagReader(make_bag(count=40)) as reader, BagWriter(tmp_path / "odd") as writer:
+        definition = reader.topics["/indenter/sample"].definition
+        for name in ("/a b\x1b[2J", "/indenter/sample"):
+            number = writer.add_topic(name, definition.name, definition=definition)
+            for message in reader.messages({"/indenter/sample"}):
+                writer.write(number, message.log_time, message.data)
+    got = listen(graph)
+    node = start_node(
+        PLAYER, bag=tmp_path / "odd", exit_when_done=True, expected_sample_subscribers=1
+    )
+    assert graph.spin_until(lambda: node.process.poll() is not None)
+    assert node.wait() == 0, node.error
+    graph.spin_until(lambda: len(got) >= 40, timeout=5)
+    assert len(got) == 40
+    assert "/a b\\u001b[2J is not played: ROS permits no such name" in node.error
+
+
 def test_messages_of_another_definition_are_not_played(
     refusal: Callable[..., str], tmp_path: Path
 ) -> None:

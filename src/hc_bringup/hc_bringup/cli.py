@@ -18,6 +18,7 @@ from typing import Any, Final, NoReturn
 from hc_bringup import heartbeat, last_resort, standard_output
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError, shortened
 from hc_bringup.guard import explain
+from hc_bringup.plain_stream import make_plain
 from hc_bringup.wrapping import wrapped
 from hc_msgs_py.interface_class import UnknownInterfaceError
 
@@ -234,6 +235,7 @@ def main(arguments: Sequence[str] | None = None, *, tell_waiting: bool = False) 
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # names of files need not be UTF-8
+            make_plain(stream)
     try:
         return _run_guarded(words, tell_waiting)
     except KeyboardInterrupt:  # also one that is noticed only while the error it made is told

@@ -12,6 +12,7 @@ from hc_bringup import heartbeat
 from hc_bringup.asking import Asker, yes_or_no
 from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.graph import Graph
+from hc_bringup.plain_stream import drawing_on
 from hc_bringup.press_monitor import PressMonitor, resting
 from hc_bringup.robot_streams import Recorder, Stream, find_streams, unusable
 from hc_bringup.sensor_choice import KINDS, Choice, best
@@ -125,14 +126,14 @@ class LiveLine:
         """Show a text instead of the present one; what is wider than the terminal is cut off."""
         if self._shown:
             width = shutil.get_terminal_size().columns - 1  # a line that wraps cannot be undone
-            print(f"\r\x1b[K{text[:width]}", end="", file=sys.stderr, flush=True)
+            print(f"\r\x1b[K{text[:width]}", end="", file=drawing_on(sys.stderr), flush=True)
         else:
             heartbeat.telling("live line", text)
 
     def clear(self) -> None:
         """Leave an empty line."""
         if self._shown:
-            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+            print("\r\x1b[K", end="", file=drawing_on(sys.stderr), flush=True)
         else:
             heartbeat.nothing()
 

@@ -18,6 +18,7 @@ from rich.live import Live
 from hc_bringup import heartbeat
 from hc_bringup.explanation import BackgroundExplainer
 from hc_bringup.phrases import without_numbers
+from hc_bringup.plain_stream import drawing_on
 from hc_bringup.run_state import DONE, RUNNING, RunState
 from hc_bringup.statistics import PARAMETERS
 from hc_bringup.terminal.keys import CHOICES, Keys
@@ -67,7 +68,7 @@ class Display:
         self._enabled = enabled
         self._with_latency = with_latency
         self._scenario = scenario
-        self._console = Console(stderr=True)
+        self._console = Console(file=drawing_on(sys.stderr))
         self._live: Live | None = None
         self._keys: Keys | None = Keys() if with_keys else None
         self._keys_for = 0  # number of the estimator

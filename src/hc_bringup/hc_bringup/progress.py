@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -17,6 +18,7 @@ from rich.progress import (
 )
 
 from hc_bringup import heartbeat
+from hc_bringup.plain_stream import drawing_on
 
 
 class _Lines:
@@ -41,7 +43,7 @@ class _Lines:
 @contextmanager
 def progress_bar(title: str) -> Iterator[Callable[[float], None]]:
     """Yield a function that takes the done share, 0 to 1."""
-    console = Console(stderr=True)
+    console = Console(file=drawing_on(sys.stderr))
     if not console.is_terminal:
         yield lambda share: heartbeat.telling(title, f"{title}: {100.0 * share:.0f} %")
         heartbeat.nothing()
@@ -58,7 +60,7 @@ def counted_bar() -> Iterator[Callable[[str, int, int], None]]:
 
     Each name gets a bar of its own in a terminal; a file gets a line now and then.
     """
-    console = Console(stderr=True)
+    console = Console(file=drawing_on(sys.stderr))
     if not console.is_terminal:
         yield _Lines().show
         heartbeat.nothing()
@@ -78,7 +80,7 @@ def counted_bar() -> Iterator[Callable[[str, int, int], None]]:
 @contextmanager
 def status_line() -> Iterator[Callable[[str], None]]:
     """Yield a function that takes what is being done now, in words."""
-    console = Console(stderr=True)
+    console = Console(file=drawing_on(sys.stderr))
     if not console.is_terminal:
         yield heartbeat.doing
         heartbeat.nothing()
@@ -94,7 +96,7 @@ def long_bar(title: str) -> Iterator[Callable[[int, int], None]]:
 
     A terminal gets a bar with the time that is left; a file gets a line now and then.
     """
-    console = Console(stderr=True)
+    console = Console(file=drawing_on(sys.stderr))
     if not console.is_terminal:
         lines = _Lines(title)
         yield lambda done, total: lines.show(title, done, total)

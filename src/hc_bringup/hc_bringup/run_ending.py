@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import numpy as np
 from rich.console import Console
 
 from hc_bringup.errors import UserError
+from hc_bringup.plain_stream import drawing_on
 from hc_bringup.run_data import recorded
 from hc_bringup.terminal.ending import ending
 from hc_logger.errors import BagError
@@ -26,7 +28,7 @@ def show_ending(bag: Path, namespaces: Sequence[str] = ("",), *, controlled: boo
         namespaces: that each estimator of the run is in, in their order; empty for none.
         controlled: whether the page could change things, as the last line says how to.
     """
-    console = Console(highlight=False)
+    console = Console(file=drawing_on(sys.stdout), highlight=False)
     several = len(namespaces) > 1
     for space in namespaces:
         whose = f"{space}: " if several else ""

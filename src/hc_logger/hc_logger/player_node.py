@@ -10,6 +10,7 @@ import time
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 
 from hc_logger.bag import Message, Topic
@@ -25,6 +26,7 @@ from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.interface_class import UnknownInterfaceError, interface_class
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.parameters import declare, refuse_unknown
+from hc_msgs_py.plain_text import in_one_line, visible
 from hc_msgs_py.qos import KEPT_DEPTH
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import NODE_PLAYER
@@ -91,7 +93,8 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
             self._reader = open_bag(bag)
             for problem in self._reader.problems:
                 # The name of a file may hold any bytes; a log takes what UTF-8 can hold.
-                self.get_logger().warning(problem.encode(errors="backslashreplace").decode())
+                line = problem.encode(errors="backslashreplace").decode()
+                self.get_logger().warning(visible(line))
             self._skipped: dict[str, str] = {}
             self._publishers_by_topic = self._make_publishers(selection, renames)
             self._playback = Playback(
@@ -192,8 +195,12 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
                     publisher_profile(topic.qos_profiles, KEPT_DEPTH),
                 )
             except UnknownInterfaceError as error:
-                self._skipped[name] = str(error)
-                self.get_logger().warning(f"{name} is not played: {error}")
+                self._skipped[name] = visible(str(error))
+            except NameValidationException:
+                self._skipped[name] = "ROS permits no such name"
+            if name in self._skipped:
+                line = f"{in_one_line(name)} is not played: {self._skipped[name]}"
+                self.get_logger().warning(line)
         if self._skipped and not publishers:
             raise BagError("; ".join(f"{n}: {reason}" for n, reason in self._skipped.items()))
         return publishers

@@ -13,6 +13,7 @@ from typing import Any
 from hc_bringup import recording_input
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import bag_folder_name, bag_or_csv_name, positive, seconds
+from hc_msgs_py.plain_text import in_one_line
 
 HELP = "look into a bag, repair one that was cut off, convert, filter, merge and split bags"
 
@@ -115,8 +116,8 @@ def _info_text(info: Any) -> str:
     for topic in info.topics:
         table.append(
             (
-                topic.name,
-                topic.type_name,
+                in_one_line(topic.name),
+                in_one_line(topic.type_name),
                 str(topic.message_count),
                 _number(topic.rate_hz, ".2f"),
                 _number(topic.longest_interval_s, ".4f"),
