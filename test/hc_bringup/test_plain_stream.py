@@ -35,8 +35,9 @@ def test_who_draws_on_purpose_can() -> None:
     make_plain(stream)  # a second command of the same process
     print("\x1b[31m", end="", file=stream)
     print("\x1b[32m", end="", file=drawing_on(stream))
+    stream.write("\x1b[0m")  # as colorama at the end
     assert drawing_on(stream).encoding == "utf-8"
-    assert stream.buffer.getvalue() == b"\\u001b[31m\x1b[32m"  # type: ignore[attr-defined]
+    assert stream.buffer.getvalue() == b"\\u001b[31m\x1b[32m\x1b[0m"  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("command", ["estimate", "doctor", "bag info"])

@@ -7,14 +7,21 @@ on purpose (the live view, bars of progress) takes the stream of `drawing_on`.
 from __future__ import annotations
 
 import io
-from typing import IO, Any, cast
+from typing import IO, Any, Final, cast
 
 from hc_msgs_py.plain_text import visible
+
+_COLOURS_OFF: Final = "\x1b[0m"
+"""What colorama, which numba brings along, writes to a terminal when Python ends."""
 
 
 def make_plain(stream: io.TextIOWrapper) -> None:
     """Let a stream write control characters visibly, whoever writes to it."""
-    stream.__dict__["write"] = lambda text: type(stream).write(stream, visible(text))
+
+    def write(text: str) -> int:
+        return type(stream).write(stream, text if text == _COLOURS_OFF else visible(text))
+
+    stream.__dict__["write"] = write
 
 
 def drawing_on(stream: Any) -> IO[str]:
