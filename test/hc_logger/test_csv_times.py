@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from table_text import DEPTH, FORCE, TIME, rows, write
 
+from hc_logger.csv_clock import Calendar
 from hc_logger.csv_file import CsvReader
 from hc_logger.csv_number import time_of_day
 from hc_logger.csv_options import CsvOptions
@@ -151,3 +152,99 @@ def test_an_hour_that_is_not_full_is_a_pause_or_a_step(tmp_path: Path) -> None:
     begun = datetime(2026, 10, 25, 0, 30, 0)
     time_s = read_recording(night(tmp_path / "night.csv", begun, (2, 1))).time_s
     assert time_s[200] - time_s[199] == pytest.approx(-3599.99, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        "%Y-%m-%d %H:%M:%S.%f",
+        "%Y-%m-%dT%H:%M:%S.%f+02:00",
+        "%d.%m.%Y %H:%M:%S.%f",
+        "%m/%d/%Y %I:%M:%S.%f %p",
+        "%d/%m/%Y %H:%M:%S.%f",
+        "%d-%b-%Y %H:%M:%S.%f",
+        "%y-%m-%d %H:%M:%S.%f",
+    ],
+)
+@pytest.mark.parametrize(
+    "pause", [timedelta(hours=17), timedelta(hours=24), timedelta(days=2, hours=3)]
+)
+def test_a_table_that_goes_on_another_day_has_a_pause_of_that_length(
+    tmp_path: Path, form: str, pause: timedelta
+) -> None:
+    """Regression: dates were passed over; the next morning was seven hours before the evening."""
+    begun = datetime(2026, 1, 31, 16, 0, 0)
+    moments = [begun + timedelta(milliseconds=10 * k) + pause * (k >= 200) for k in range(400)]
+    rows = [f"{moment.strftime(form)},{k / 100},1.5\n" for k, moment in enumerate(moments)]
+    path = tmp_path / "days.csv"
+    path.write_text("timestamp,displacement_mm,force_N\n" + "".join(rows))
+    recording = read_recording(path)
+    expected = [(moment - begun).total_seconds() for moment in moments]
+    np.testing.assert_allclose(recording.time_s, expected, atol=1e-6)
+    assert recording.findings.backward == 0
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "days"),
+    [
+        ("2026-02-28", "2026-03-01", 1),
+        ("28.02.2028", "01.03.2028", 2),
+        ("01/02/2026", "02/02/2026", 1),
+        ("01/02/2026", "01/03/2026", 1),
+        ("31/01/2026", "01/02/2026", 1),
+        ("31-Dez-2026", "01-Jan-2027", 1),
+        ("2026-10-25", "2026-10-24", -1),
+        ("99-99-99", "2026-01-01", None),
+        ("2026-13-45", "2026-13-46", None),
+        ("10-Foo-2026", "11-Foo-2026", None),
+    ],
+)
+def test_days_are_counted_in_whichever_order_dates_are_written(
+    before: str, after: str, days: int | None
+) -> None:
+    assert Calendar().days(before, after) == days
+
+
+def test_what_one_pair_of_dates_rules_out_stays_so() -> None:
+    calendar = Calendar()
+    assert calendar.days("30/01/2026", "31/01/2026") == 1
+    assert calendar.days("01/02/2026", "01/03/2026") == 28
+
+
+def test_midnight_is_counted_where_the_date_is_that_of_the_start(tmp_path: Path) -> None:
+    """As some programs write it: the date of the beginning stands beside every time."""
+    rows = [f"2026-05-01 23:59:59.{k:03d},1,1.5\n" for k in range(0, 1000, 10)]
+    rows += [f"2026-05-01 00:00:00.{k:03d},1,1.5\n" for k in range(0, 1000, 10)]
+    path = tmp_path / "night.csv"
+    path.write_text("timestamp,displacement_mm,force_N\n" + "".join(rows))
+    np.testing.assert_allclose(np.diff(read_recording(path).time_s), 0.01, atol=1e-6)
+
+
+@pytest.mark.parametrize("order", ["before", "behind"])
+def test_a_date_in_a_cell_beside_the_time_counts_too(tmp_path: Path, order: str) -> None:
+    begun = datetime(2026, 10, 12, 16, 0, 0)
+    moments = [
+        begun + timedelta(milliseconds=10 * k) + timedelta(hours=17) * (k >= 200)
+        for k in range(400)
+    ]
+    names = ["Date", "Time"] if order == "before" else ["Time", "Date"]
+    rows = []
+    for k, moment in enumerate(moments):
+        cells = [f"{moment:%d.%m.%Y}", f"{moment:%H:%M:%S.%f}"]
+        rows.append(",".join([*(cells if order == "before" else cells[::-1]), f"{k / 100},1.5\n"]))
+    path = tmp_path / "days.csv"
+    path.write_text(",".join([*names, "displacement_mm,force_N\n"]) + "".join(rows))
+    expected = [(moment - begun).total_seconds() for moment in moments]
+    np.testing.assert_allclose(read_recording(path).time_s, expected, atol=1e-6)
+
+
+def test_a_date_that_changes_a_row_after_midnight_counts_once(tmp_path: Path) -> None:
+    begun = datetime(2026, 10, 12, 23, 59, 59)
+    moments = [begun + timedelta(milliseconds=10 * k) for k in range(200)]
+    rows = [
+        f"{moments[max(k - 1, 0)]:%Y-%m-%d},{moment:%H:%M:%S.%f},{k / 100},1.5\n"
+        for k, moment in enumerate(moments)
+    ]
+    path = tmp_path / "night.csv"
+    path.write_text("date,time,displacement_mm,force_N\n" + "".join(rows))
+    np.testing.assert_allclose(np.diff(read_recording(path).time_s), 0.01, atol=1e-6)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
-from typing import Final
+from typing import Final, NamedTuple
 
 from hc_msgs_py.units import DAY_S
 
@@ -28,18 +28,30 @@ _GROUPED: Final = {
     for sign in _GROUP_SIGNS[decimal]
 }
 _ONE_GROUP: Final = re.compile(r"[-+]?[1-9]\d{0,2}[.,]\d{3}")
+DATE: Final = r"\d{1,4}[-./ ](?:\d{1,2}|[A-Za-z]{3,9})[-./ ]\d{1,4}"
 _CLOCK: Final = re.compile(
-    r"(?:\d{1,4}[-./ ](?:\d{1,2}|[A-Za-z]{3,9})[-./ ]\d{1,4},?[ T]+)?"
+    rf"(?:(?P<date>{DATE}),?[ T]+)?"
     r"(?P<hour>\d{1,2}):(?P<minute>\d{2}):(?P<second>\d{2})(?:[.,](?P<part>\d{1,12})|:(?P<ms>\d{3}))?"
     r"(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?(?:\s*(?:Z|UTC|(?P<ahead>[+-])(?P<zone_h>\d{2}):?(?P<zone_min>\d{2})))?"
 )
 _MINUTES: Final = re.compile(r"(?P<minute>\d{1,4}):(?P<second>\d{2})[.,](?P<part>\d{1,12})")
 """As spreadsheets show a time, mm:ss.0; without a fraction it may be hours and minutes."""
 HOUR_S: Final = 3600.0
-_LAST_CHANGE_S: Final = 4.0 * HOUR_S
-"""Local time at which summer time begins or ends at the latest, from 1 h on."""
-_COARSE_CLOCK_S: Final = 1.0
-"""Step of a clock that shows whole seconds."""
+
+
+class DateAndTime(NamedTuple):
+    """A time as on a clock.
+
+    Attributes:
+        date: as it is written; empty without one.
+        time_s: since that date's midnight, of UTC where a zone is told, so below 0 or beyond a
+            day, too [s].
+        has_zone: whether a zone is told by hours.
+    """
+
+    date: str
+    time_s: float
+    has_zone: bool
 
 
 def number(cell: str, decimal: str, *, decimal_is_sure: bool = False) -> float | None:
@@ -142,12 +154,20 @@ def time_of_day(cell: str) -> float | None:
     text = cell.strip()
     if text.lower() in MISSING:
         return math.nan
-    found = _CLOCK.fullmatch(text) if ":" in text else None
+    dated = date_and_time(text)
+    if dated is not None:
+        return dated.time_s % DAY_S if dated.has_zone else dated.time_s
+    found = _MINUTES.fullmatch(text)
+    if found is None or int(found["second"]) > 60:
+        return None
+    return 60.0 * int(found["minute"]) + float(f"{found['second']}.{found['part']}")
+
+
+def date_and_time(cell: str) -> DateAndTime | None:
+    """Return what stands in a cell with a time as on a clock, None for other text."""
+    found = _CLOCK.fullmatch(cell.strip()) if ":" in cell else None
     if found is None:
-        found = _MINUTES.fullmatch(text)
-        if found is None or int(found["second"]) > 60:
-            return None
-        return 60.0 * int(found["minute"]) + float(f"{found['second']}.{found['part']}")
+        return None
     hour, minute, second = (int(found[name]) for name in ("hour", "minute", "second"))
     if found["half"]:
         if not 1 <= hour <= 12:
@@ -157,11 +177,10 @@ def time_of_day(cell: str) -> float | None:
         return None
     part = float(f"0.{found['part']}") if found["part"] else float(found["ms"] or 0) * 1e-3
     since = 3600.0 * hour + 60.0 * minute + second + part
-    if not found["ahead"]:
-        return since
-    # Of UTC: summer time that ends within a recording is no step of its clock.
-    zone = 3600.0 * int(found["zone_h"]) + 60.0 * int(found["zone_min"])
-    return (since - math.copysign(zone, float(f"{found['ahead']}1"))) % DAY_S
+    if found["ahead"]:  # summer time that ends within a recording is no step of UTC
+        zone = 3600.0 * int(found["zone_h"]) + 60.0 * int(found["zone_min"])
+        since -= math.copysign(zone, float(f"{found['ahead']}1"))
+    return DateAndTime(found["date"] or "", since, bool(found["ahead"]))
 
 
 def clock_period(cells: Iterable[str]) -> float:
@@ -169,67 +188,3 @@ def clock_period(cells: Iterable[str]) -> float:
     texts = (cell.strip() for cell in cells)
     shown = [text for text in texts if text.lower() not in MISSING]
     return HOUR_S if shown and all(map(_MINUTES.fullmatch, shown)) else DAY_S
-
-
-class Stopwatch:
-    """Makes times that only go on of times of day: from the first one, midnights counted.
-
-    A clock of local time is put forward or back by an hour in two nights of the year; it goes on.
-
-    Args:
-        period_s: after which the clock begins anew [s].
-
-    Attributes:
-        notes: what was taken for such a night, one line each.
-    """
-
-    def __init__(self, period_s: float = DAY_S) -> None:
-        self.notes: list[str] = []
-        self._period_s = period_s
-        self._first: float | None = None
-        self._added_s = 0.0  # midnights, and hours by which the clock was put back
-        self._last = math.nan
-        self._step_s = 0.0  # between the two rows before
-
-    def elapsed(self, time_of_day_s: float) -> float:
-        """Return the seconds since the first time of day; NaN for NaN."""
-        if math.isnan(time_of_day_s):
-            return time_of_day_s
-        if self._first is None:
-            self._first = self._last = time_of_day_s
-        if time_of_day_s < self._last - self._period_s / 2.0:
-            self._added_s += self._period_s
-        elif put_back_s := self._put_back(time_of_day_s):
-            self._added_s += put_back_s
-        else:
-            self._step_s = time_of_day_s - self._last
-        self._last = time_of_day_s
-        return self._added_s + time_of_day_s - self._first
-
-    def _put_back(self, now_s: float) -> float:
-        """Return by how much the clock was put back for the end of summer time [s], else 0.
-
-        3600, or -3600 where it begins: at a full hour of the night, with a step of rows between.
-        """
-        most_s = max(_COARSE_CLOCK_S, 2.0 * self._step_s)
-        at_s = round(self._last / HOUR_S) * HOUR_S
-        moved_s = HOUR_S if now_s < self._last else -HOUR_S
-        is_at_night = HOUR_S <= at_s <= _LAST_CHANGE_S and self._last <= at_s <= now_s + moved_s
-        if self._period_s <= HOUR_S or not is_at_night:
-            return 0.0
-        if not 0.0 < now_s + moved_s - self._last <= most_s:
-            return 0.0
-        which = "goes back by an hour, as summer time ends"
-        if moved_s < 0.0:
-            which = "leaves an hour out, as summer time begins"
-        self.notes.append(
-            f"the clock {which} ({_shown(self._last)}, then {_shown(now_s)}): the times go on there"
-        )
-        return moved_s
-
-
-def _shown(time_of_day_s: float) -> str:
-    """Return a time of day as on a clock, to the millisecond."""
-    whole, ms = divmod(round(1000.0 * time_of_day_s), 1000)
-    part = f".{ms:03d}" if ms else ""
-    return f"{whole // 3600:02d}:{whole // 60 % 60:02d}:{whole % 60:02d}{part}"

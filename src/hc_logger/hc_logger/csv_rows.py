@@ -19,12 +19,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_logger.csv_clock import Stopwatch, with_date
 from hc_logger.csv_columns import tells_an_error
 from hc_logger.csv_ending import LOOKED_AT, cut_off_note
 from hc_logger.csv_header import row_of_header
 from hc_logger.csv_layout import NO_COLUMN, CsvLayout
 from hc_logger.csv_number import (
-    Stopwatch,
     number,
     pair_in_doubt,
     shows_decimal_sign,
@@ -298,7 +298,7 @@ class RowReader:
         if layout.rate_hz:
             values.insert(0, float(self._counted(1)[0]))
         elif layout.clock:
-            values[0] = self._watch.elapsed(values[0])
+            values[0] = self._watch.elapsed(values[0], with_date(cells, self._indices[0]))
         return values
 
     def _no_number(self, where: int, name: str, cell: str) -> BagError:
