@@ -9,7 +9,7 @@ import time
 import pytest
 
 from hc_bringup import cli
-from hc_bringup.domain_lock import DomainLock, domain_id
+from hc_bringup.domain_lock import DomainLock, domain_id, elsewhere_hint
 from hc_bringup.errors import UserError
 from hc_bringup.process_state import is_stopped
 from hc_bringup.reach import speak_to_nodes
@@ -73,3 +73,23 @@ def test_beside_a_stopped_run_it_is_said_how_that_ends(processes, ros_domain):
         held.wait()
     with pytest.raises(OSError, match="No such"):
         is_stopped(held.pid)
+
+
+@pytest.mark.process
+def test_who_sees_nothing_is_told_of_a_run_in_another_domain(processes, ros_domain, monkeypatch):
+    """Two terminals of which one has another ROS_DOMAIN_ID: "running nodes: none" was all."""
+    held = processes.start("-c", HOLDS, str(ros_domain))
+    try:
+        assert held.stdout.readline() == "held\n"
+        other = 0 if ros_domain else 1
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(other))
+        said = elsewhere_hint()
+        assert said.startswith(f"; this is ROS domain {other}, and there is ")
+        assert f"process {held.pid} in domain {ros_domain}" in said
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+        assert f"process {held.pid} " not in elsewhere_hint()
+    finally:
+        held.kill()
+        held.wait()
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(other))
+    assert f"process {held.pid} " not in elsewhere_hint()

@@ -70,6 +70,20 @@ class DomainLock:
             self._socket.close()
 
 
+def elsewhere_hint() -> str:
+    """Return for the end of a message in which other domains of this machine there are runs.
+
+    Two terminals with another ROS_DOMAIN_ID each see nothing of each other. Empty without one.
+    """
+    own = domain_id()
+    owners = {d: owner_of(_name(d)) for d in range(HIGHEST_DOMAIN + 1) if d != own}
+    found = {d: words for d, (number, words) in owners.items() if number is not None}
+    if not found:
+        return ""
+    runs = ", ".join(f"{words} in domain {domain}" for domain, words in found.items())
+    return f"; this is ROS domain {own}, and there is {runs}: ROS_DOMAIN_ID={min(found)} hc ..."
+
+
 def _name(domain: int) -> str:
     return f"hc_run_in_ros_domain_{domain}"
 

@@ -21,6 +21,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.validate_full_topic_name import validate_full_topic_name
 
+from hc_bringup.domain_lock import elsewhere_hint
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.heartbeat import MARK, busy
 from hc_bringup.reach import speak_to_nodes
@@ -150,7 +151,7 @@ class Graph:
         full = absolute(name)
         if not self.wait_for(lambda: full in self.node_names(hidden=True)):
             known = hint(full, self.node_names(), "running nodes")
-            raise UserError(f"there is no node {full}; {known}{stopped_hint()}", FAILURE)
+            raise UserError(f"there is no node {full}; {known}{self._why()}", FAILURE)
         count = self.node_names(hidden=True).count(full)
         if count > 1:
             sys.stderr.write(
@@ -172,13 +173,17 @@ class Graph:
 
         if not self.wait_for(lambda: self.node.count_publishers(full) > 0 and bool(types())):
             raise UserError(
-                f"nobody publishes {full}; {self.known_topics(full)}{stopped_hint()}", FAILURE
+                f"nobody publishes {full}; {self.known_topics(full)}{self._why()}", FAILURE
             )
         if len(types()) > 1:
             raise UserError(
                 f"{full} is published with several types: {', '.join(types())}", FAILURE
             )
         return full, types()[0]
+
+    def _why(self) -> str:
+        """Return why nobody may be there: stopped processes, or a run in another domain."""
+        return stopped_hint() + ("" if self.node_names() else elsewhere_hint())
 
     def known_topics(self, name: str) -> str:
         """Return "did you mean ...?" for the name of a topic, or the topics that there are."""
