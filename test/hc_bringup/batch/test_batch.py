@@ -418,3 +418,11 @@ def test_the_filter_of_another_package_is_part_of_the_software(
     software.software_stamp.cache_clear()
     assert stamps[0] != stamps[1]
     assert stamps[0] == stamps[2]
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_no_name_is_a_formula_to_a_spreadsheet(tmp_path: Path, several: bool) -> None:
+    """Regression: a recording called =HYPERLINK(...) was one when somebody opened the table."""
+    paths = [tmp_path / "=1+1.csv"] + [tmp_path / name for name in ("-x.csv", "a=b.csv")] * several
+    expected = ["./=1+1.csv", "./-x.csv", "a=b.csv"]
+    assert sources.names_of(paths) == expected[: len(paths)]

@@ -118,6 +118,12 @@ def test_winners_have_the_best_figures(make_run: MakeRun) -> None:
     assert "good is closest to the true K." in words
     assert "bad is the quickest." in words
     assert any(line.startswith("None is honest") for line in winners(entries[:1] * 2))
+    air = make_run(seconds=3.0)
+    air.estimates["contact"][:] = False
+    untouched = [Entry(Variant(name, "ukf", {}), air, judged(air, 1.0)) for name in "ab"]
+    assert winners(untouched) == [
+        "None was ever in contact, so there is nothing to compare: hc doctor says why."
+    ]
     # Never reporting a misfit is no merit.
     judge = next(figure for figure in FIGURES if "does not fit" in figure[1])[4]
     assert math.isnan(judge(0.0))

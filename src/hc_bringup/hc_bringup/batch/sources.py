@@ -83,12 +83,18 @@ def find_recordings(patterns: Sequence[str], besides: Path) -> Found:
     )
 
 
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+
+
 def names_of(paths: Sequence[Path]) -> list[str]:
-    """Return what the recordings are called in tables: the paths below the folder of them all."""
-    if len(paths) == 1:
-        return [paths[0].name]
+    """Return what the recordings are called in tables: the paths below the folder of them all.
+
+    A spreadsheet takes a cell that begins with = + - or @ for a formula, and works it out: the
+    folder stands before such a name, as `./=1+1.csv`.
+    """
     root = os.path.commonpath([str(path.parent) for path in paths])
-    return [path.relative_to(root).as_posix() for path in paths]
+    names = [path.relative_to(root).as_posix() for path in paths]
+    return [f"./{name}" if name.startswith(_FORMULA) else name for name in names]
 
 
 def content_hash(path: Path) -> tuple[str, int]:

@@ -90,6 +90,8 @@ def comparison_page(table: Sequence[Sequence[Entry]], command: Sequence[str]) ->
 
 def winners(entries: Sequence[Entry]) -> list[str]:
     """Return in words who was best at what."""
+    if entries and not any(entry.data.estimates["contact"].any() for entry in entries):
+        return ["None was ever in contact, so there is nothing to compare: hc doctor says why."]
     sentences = []
     for what, of, ideal in (
         ("foretells the force best, half a second ahead", lambda s: s.ahead_rms_n, None),
