@@ -238,6 +238,35 @@ def test_a_date_in_a_cell_beside_the_time_counts_too(tmp_path: Path, order: str)
     np.testing.assert_allclose(read_recording(path).time_s, expected, atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("first", "who"),
+    [(740000.58, "MATLAB's datenum counts"), (2461338.5, "days of the Julian date")],
+)
+def test_other_counts_of_days_are_known_by_their_size(
+    tmp_path: Path, first: float, who: str
+) -> None:
+    """Regression: they were "taken for seconds", 86,400 times too short, without a word."""
+    table = HEAD + rows("{:.11f},{:.4f},{:.5f}", first + TIME / DAY_S, DEPTH, FORCE)
+    recording = read_recording(write(tmp_path / "table.csv", table))
+    np.testing.assert_allclose(recording.time_s - recording.time_s[0], TIME - TIME[0], atol=1e-4)
+    assert any(who in note for note in recording.findings.notes)
+
+
+@pytest.mark.parametrize(
+    "form",
+    ["%Y%m%dT%H%M%S.%f", "%Y%m%dT%H%M%S.%fZ", "%Y%m%dT%H%M%S.%f+0200", "%Y-%m-%dT%H:%M:%S.%f+02"],
+)
+def test_other_ways_of_iso_8601_are_read(tmp_path: Path, form: str) -> None:
+    """Regression: "it has two columns of numbers, and three are needed"."""
+    begun = datetime(2026, 10, 12, 13, 59, 59)
+    shown = [(begun + timedelta(seconds=float(t))).strftime(form) for t in TIME]
+    table = HEAD + "".join(
+        f"{t},{d:.4f},{f:.5f}\n" for t, d, f in zip(shown, DEPTH, FORCE, strict=True)
+    )
+    recording = read_recording(write(tmp_path / "table.csv", table))
+    np.testing.assert_allclose(recording.time_s, TIME - TIME[0], atol=1e-5)
+
+
 def test_a_date_that_changes_a_row_after_midnight_counts_once(tmp_path: Path) -> None:
     begun = datetime(2026, 10, 12, 23, 59, 59)
     moments = [begun + timedelta(milliseconds=10 * k) for k in range(200)]

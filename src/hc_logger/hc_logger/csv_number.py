@@ -32,8 +32,10 @@ DATE: Final = r"\d{1,4}[-./ ](?:\d{1,2}|[A-Za-z]{3,9})[-./ ]\d{1,4}"
 _CLOCK: Final = re.compile(
     rf"(?:(?P<date>{DATE}),?[ T]+)?"
     r"(?P<hour>\d{1,2}):(?P<minute>\d{2}):(?P<second>\d{2})(?:[.,](?P<part>\d{1,12})|:(?P<ms>\d{3}))?"
-    r"(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?(?:\s*(?:Z|UTC|(?P<ahead>[+-])(?P<zone_h>\d{2}):?(?P<zone_min>\d{2})))?"
+    r"(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?(?:\s*(?:Z|UTC|(?P<ahead>[+-])(?P<zone_h>\d{2})(?::?(?P<zone_min>\d{2}))?))?"
 )
+_BASIC: Final = re.compile(r"(\d{4})(\d{2})(\d{2})T(\d{2})(\d{2})(\d{2})(?=$|[.,Z+-])")
+"""ISO 8601 without signs between: 20261025T135959.125."""
 _MINUTES: Final = re.compile(r"(?P<minute>\d{1,4}):(?P<second>\d{2})[.,](?P<part>\d{1,12})")
 """As spreadsheets show a time, mm:ss.0; without a fraction it may be hours and minutes."""
 HOUR_S: Final = 3600.0
@@ -165,7 +167,8 @@ def time_of_day(cell: str) -> float | None:
 
 def date_and_time(cell: str) -> DateAndTime | None:
     """Return what stands in a cell with a time as on a clock, None for other text."""
-    found = _CLOCK.fullmatch(cell.strip()) if ":" in cell else None
+    text = _BASIC.sub(r"\1-\2-\3T\4:\5:\6", cell.strip()) if "T" in cell else cell.strip()
+    found = _CLOCK.fullmatch(text) if ":" in text else None
     if found is None:
         return None
     hour, minute, second = (int(found[name]) for name in ("hour", "minute", "second"))
@@ -178,7 +181,7 @@ def date_and_time(cell: str) -> DateAndTime | None:
     part = float(f"0.{found['part']}") if found["part"] else float(found["ms"] or 0) * 1e-3
     since = 3600.0 * hour + 60.0 * minute + second + part
     if found["ahead"]:  # summer time that ends within a recording is no step of UTC
-        zone = 3600.0 * int(found["zone_h"]) + 60.0 * int(found["zone_min"])
+        zone = 3600.0 * int(found["zone_h"]) + 60.0 * int(found["zone_min"] or 0)
         since -= math.copysign(zone, float(f"{found['ahead']}1"))
     return DateAndTime(found["date"] or "", since, bool(found["ahead"]))
 

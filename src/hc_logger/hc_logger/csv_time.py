@@ -20,8 +20,12 @@ LONGEST_SECONDS: Final = 0.5
 """Median step of a time without a unit: below it, it is taken for seconds."""
 EPOCH_UNITS: Final = (("s", 1e9), ("ms", 1e12), ("us", 1e15), ("ns", 1e18))
 """What a time since 1970 is in, by its size from 2001 on; four times as much is 2096."""
-_SHEET_DAYS: Final = (36_526.0, 73_051.0)
-"""2000 to 2100 as spreadsheets count days; Unix and machines hardly run so many seconds."""
+_DAYS: Final = (
+    ((36_526.0, 73_051.0), "the days that a spreadsheet counts"),
+    ((730_000.0, 780_000.0), "the days that MATLAB's datenum counts"),
+    ((2_450_000.0, 2_490_000.0), "days of the Julian date"),
+)
+"""First and last of those of about 2000 to 2100, by who counts so; hardly anything runs so many seconds."""
 _SHORTEST_SECONDS: Final = 5e-6
 """Median step: nobody measures a force more often, in seconds; in days it is 0.4 s."""
 BETWEEN_S: Final = 1.0
@@ -59,9 +63,9 @@ def unit_of_times(numbers: Sequence[float]) -> tuple[str | None, str]:
                 return unit, f"taken for the time since 1970 in {unit}"
     steps = sorted(abs(b - a) for a, b in itertools.pairwise(numbers))
     if steps and 0.0 < steps[len(steps) // 2] < _SHORTEST_SECONDS:
-        first, last = _SHEET_DAYS
-        if first <= min(numbers) <= max(numbers) < last:
-            return "d", "taken for the days that a spreadsheet counts"
+        for (first, last), what in _DAYS:
+            if first <= min(numbers) <= max(numbers) < last:
+                return "d", f"taken for {what}"
     if steps and 0.0 < steps[len(steps) // 2] < LONGEST_SECONDS:
         return "s", "taken for seconds"
     return None, ""
