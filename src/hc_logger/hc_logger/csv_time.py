@@ -25,7 +25,7 @@ _DAYS: Final = (
     ((730_000.0, 780_000.0), "the days that MATLAB's datenum counts"),
     ((2_450_000.0, 2_490_000.0), "days of the Julian date"),
 )
-"""First and last of those of about 2000 to 2100, by who counts so; hardly anything runs so many seconds."""
+"""First and last of about 2000 to 2100, by who counts so; hardly a machine runs so many seconds."""
 _SHORTEST_SECONDS: Final = 5e-6
 """Median step: nobody measures a force more often, in seconds; in days it is 0.4 s."""
 BETWEEN_S: Final = 1.0
