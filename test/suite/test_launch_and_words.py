@@ -28,6 +28,8 @@ SOURCES = (
     "hc_bringup/hc_bringup/live_check.py",
     "hc_bringup/hc_bringup/diagnosis.py",
     "hc_bringup/hc_bringup/other_damping.py",
+    "hc_bringup/hc_bringup/held_tool.py",
+    "hc_bringup/hc_bringup/force_error.py",
     "hc_logger/hc_logger/sensors.py",
     "hc_logger/hc_logger/press_direction.py",
     "hc_estimator/hc_estimator/ros/zero_setting.py",
