@@ -14,7 +14,7 @@ enters only eight differences, and each is limited against the noise known so fa
 
 A sensor that turns ten times noisier has half of its readings refused by the outlier gate. Refused
 innovations that disagree among themselves are such a sensor's, and their scatter is its noise;
-those of a changed tissue or of a tool that turns agree.
+those of a changed tissue or of a tool that turns agree, in their sign at least.
 """
 
 from __future__ import annotations
@@ -292,9 +292,12 @@ def learn_refused(channel: Any, innovation: float, gate: float) -> bool:
     accepted = float(channel.taken - first)
     if accepted > REFUSED_WITHIN:
         return False
-    mean = 0.0
+    mean, above = 0.0, 0
     for k in range(REFUSED):
         mean += channel.refused[k] / REFUSED
+        above += 1 if channel.refused[k] > 0.0 else 0
+    if above == 0 or above == REFUSED:
+        return False  # what sets off from rest is ever further off, on the same side
     scatter = 0.0
     for k in range(REFUSED):
         scatter += (channel.refused[k] - mean) ** 2 / (REFUSED - 1)
