@@ -11,6 +11,7 @@ from hc_bringup.live import SYMBOLS
 from hc_bringup.plain_json import finite
 from hc_bringup.run_state import RunState
 from hc_bringup.statistics import PARAMETERS
+from hc_bringup.terminal.numbers import counted
 from hc_bringup.zero_effect import ZeroEffect
 from hc_bringup.zero_words import Zeros
 from hc_estimator.stream.readings import MEANINGS, Check
@@ -267,9 +268,8 @@ def run_text(summary: dict[str, Any]) -> str:
         lines += [*_estimator_lines(other), *_parameter_lines(other)]
     if summary["not_recorded"]:
         lines.append(
-            f"not in the bag: {summary['not_recorded']} "
-            f"message{'s'[: summary['not_recorded'] != 1]}; the recorder stood still, or the "
-            "computer was too busy"
+            f"not in the bag: {counted(summary['not_recorded'], 'message')}; the recorder stood "
+            "still, or the computer was too busy"
         )
     if summary["bag"]:
         bags = [summary["bag"], *summary["further_bags"]]

@@ -179,9 +179,9 @@ def date_and_time(cell: str) -> DateAndTime | None:
     if hour > 23 or minute > 59 or second > 60:
         return None
     part = float(f"0.{found['part']}") if found["part"] else float(found["ms"] or 0) * 1e-3
-    since = 3600.0 * hour + 60.0 * minute + second + part
+    since = HOUR_S * hour + 60.0 * minute + second + part
     if found["ahead"]:  # summer time that ends within a recording is no step of UTC
-        zone = 3600.0 * int(found["zone_h"]) + 60.0 * int(found["zone_min"] or 0)
+        zone = HOUR_S * int(found["zone_h"]) + 60.0 * int(found["zone_min"] or 0)
         since -= math.copysign(zone, float(f"{found['ahead']}1"))
     return DateAndTime(found["date"] or "", since, bool(found["ahead"]))
 

@@ -16,6 +16,7 @@ from hc_bringup.command_words import option_words, reading_words
 from hc_bringup.commands.contacts import add_rule_options, add_sites_option
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.options import natural
+from hc_bringup.terminal.numbers import counted
 from hc_bringup.wrapping import wrapped
 
 HELP = "run thousands of recordings through the estimator into tables; resumes, sweeps, clusters"
@@ -274,9 +275,9 @@ def _tell(
         return
     variants = f" through {len(campaign.variants)} variants" if len(campaign.variants) > 1 else ""
     print(
-        f"{_count(len(campaign.paths), 'recording')}{variants}: "
-        f"{_count(campaign.made, 'result')} made, {summary['kept']} kept, "
-        f"{without} without a result, {_count(contacts, 'contact')}, {seconds:.1f} s"
+        f"{counted(len(campaign.paths), 'recording')}{variants}: "
+        f"{counted(campaign.made, 'result')} made, {summary['kept']} kept, "
+        f"{without} without a result, {counted(contacts, 'contact')}, {seconds:.1f} s"
     )
     lines = [
         line for name, of in failures.items() for line in _why(name, of, len(campaign.variants))
@@ -289,10 +290,6 @@ def _tell(
         print(f"ended early with {campaign.done} of {campaign.total}: --resume goes on")
     for name in summary["written"]:
         print(f"written: {name}")
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _why(name: str, failures: Sequence[tuple[str, str]], variants: int) -> list[str]:

@@ -11,6 +11,7 @@ from hc_bringup import recording_input
 from hc_bringup.commands import estimate
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import millimetres, newtons, positive, seconds
+from hc_bringup.terminal.numbers import counted
 
 HELP = "write one row for each contact of a recording; --map draws the palpation map"
 COMPILES = True
@@ -261,8 +262,7 @@ def _tell(summary: dict[str, Any], *, as_json: bool) -> None:
     if as_json:
         print(to_json(summary))
         return
-    count = summary["contacts"]
-    print(f"{count} contact{'' if count == 1 else 's'}")
+    print(counted(summary["contacts"], "contact"))
     for site in summary.get("sites", ()):
         values = ", ".join(
             f"{symbol} = {value:.4g} ± {deviation:.2g}"

@@ -18,6 +18,7 @@ from hc_bringup.batch.variants import Variant
 from hc_bringup.batch.work import recording_units
 from hc_bringup.report.page import encode_numbers, items, render, table
 from hc_bringup.sites import SITE
+from hc_bringup.terminal.numbers import counted
 from hc_estimator import PARAMETER_NAMES
 
 MOST_ROWS: Final = 1000
@@ -162,8 +163,8 @@ def _header(sums: _Sums, *, complete: bool) -> str:
     what = "place of a recording" if sums.by_place else "recording"
     of_which = "" if read == recordings else f", {read:,} with a result"
     lines = [
-        f"{_count(recordings, 'recording')}{of_which}: {sums.samples:,} samples, "
-        f"{_time(sums.seconds)}; {_count(sums.contacts, 'contact')} found."
+        f"{counted(recordings, 'recording', ',')}{of_which}: {sums.samples:,} samples, "
+        f"{_time(sums.seconds)}; {counted(sums.contacts, 'contact', ',')} found."
     ]
     if read < recordings:
         lines.append(f"{recordings - read:,} without a result, see below.")
@@ -172,7 +173,7 @@ def _header(sums: _Sums, *, complete: bool) -> str:
     if not complete:
         lines.append("Not complete: this batch was ended early; hc batch --resume goes on.")
     return (
-        f'<header><h1>Batch</h1><p id="headline">{_count(recordings, "recording")}</p>'
+        f'<header><h1>Batch</h1><p id="headline">{counted(recordings, "recording", ",")}</p>'
         '<div class="tools"><button id="theme" type="button" aria-label="light or dark">◐</button>'
         f'</div></header><main class="report"><section class="panel full">{items(lines)}</section>'
         f'<p class="hint">Each point is a {what}, in the order of the table below. Values are '
@@ -182,10 +183,6 @@ def _header(sums: _Sums, *, complete: bool) -> str:
 
 def _time(seconds: float) -> str:
     return f"{seconds / 3600.0:.1f} hours" if seconds >= 3600.0 else f"{seconds / 60.0:.1f} minutes"
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number:,} {what}{'' if number == 1 else 's'}"
 
 
 def _variants(sums: _Sums, variants: Sequence[Variant]) -> str:

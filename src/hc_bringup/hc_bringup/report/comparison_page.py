@@ -16,6 +16,7 @@ from hc_bringup.dashboard.columns import INDEX, PARAMETERS
 from hc_bringup.report.comparison import Entry, Scores
 from hc_bringup.report.page import encode_numbers, items, render
 from hc_bringup.report.rows import page_rows
+from hc_bringup.terminal.numbers import counted
 
 MOST_POINTS: Final = 1500
 HONEST: Final = 3.0
@@ -124,7 +125,7 @@ def _header(table: Sequence[Sequence[Entry]]) -> str:
     true = '<span class="key ink">true</span>' if has_truth else ""
     return (
         f'<header><h1>Comparison</h1><p id="headline">{len(labels)} ways to estimate, '
-        f"{recordings} recording{'' if recordings == 1 else 's'}</p>"
+        f"{counted(recordings, 'recording')}</p>"
         '<div class="tools"><button id="whole" type="button" hidden>Whole recording</button>'
         '<button id="theme" type="button" aria-label="light or dark">◐</button></div></header>'
         f'<main class="report"><section class="panel full variants"><h2>Shown</h2>{boxes}'

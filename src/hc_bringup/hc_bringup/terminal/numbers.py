@@ -28,6 +28,17 @@ def engineering(value: float, unit: str, digits: int = 3) -> str:
     return f"{scaled:.{min(places, digits)}f} {_PREFIXES[power]}{unit}"
 
 
+def counted(number: int, what: str, thousands: str = "") -> str:
+    """Return how many of what: 1 recording, 2 recordings.
+
+    Args:
+        number: of them.
+        what: the word for one, whose plural ends with s.
+        thousands: sign between thousands.
+    """
+    return f"{number:{thousands}} {what}{'' if number == 1 else 's'}"
+
+
 def decimals_of(value: float, deviation: float) -> int:
     """Return the decimals by which a value is told: two digits of its deviation."""
     size = deviation if deviation > 0.0 and math.isfinite(deviation) else abs(value) / 1000.0
