@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
 from datetime import date
 from typing import Final
 
-from hc_logger.csv_number import DATE, HOUR_S, date_and_time
+import numpy as np
+from numpy.typing import NDArray
+
+from hc_logger.csv_number import HOUR_S, DateAndTime
 from hc_msgs_py.units import DAY_S
 
 _LAST_CHANGE_S: Final = 4.0 * HOUR_S
@@ -27,22 +29,8 @@ _MONTHS: Final = {
     for name in names.split()
 }
 """By the first letters of their names."""
-_DATE: Final = re.compile(DATE)
 _ORDERS: Final = ((0, 1, 2), (2, 1, 0), (2, 0, 1))
 """Where year, month and day stand: 2026-10-25, 25.10.2026, 10/25/2026."""
-
-
-def with_date(cells: Sequence[str], index: int) -> str:
-    """Return the time of a row with its date, which may stand in the cell before or behind it.
-
-    Args:
-        cells: of the row.
-        index: of the one with the time.
-    """
-    for beside in (index - 1, index + 1):
-        if 0 <= beside < len(cells) and _DATE.fullmatch(cells[beside].strip()):
-            return f"{cells[beside].strip()} {cells[index].strip()}"
-    return cells[index]
 
 
 class Calendar:
@@ -106,36 +94,54 @@ class Stopwatch:
         self._midnights = 0  # counted since the date changed: it may follow a row later
         self._calendar = Calendar()
 
-    def elapsed(self, time_of_day_s: float, cell: str = "") -> float:
-        """Return the seconds since the first time of day; NaN for NaN.
-
-        Args:
-            time_of_day_s: as hc_logger.csv_number.time_of_day says it [s].
-            cell: of which it was read, for its date.
-        """
-        if math.isnan(time_of_day_s):
-            return time_of_day_s
-        found = date_and_time(cell)
-        if found is not None and found.date:
-            time_of_day_s = found.time_s
+    def elapsed(self, found: DateAndTime) -> float:
+        """Return the seconds since the first time that was given; NaN for one of NaN."""
+        if math.isnan(found.time_s):
+            return found.time_s
+        now_s = found.time_s if found.date else found.time_of_day_s
         days = None
-        if found is not None and found.date and self._date:
+        if found.date and self._date:
             days = 0 if found.date == self._date else self._calendar.days(self._date, found.date)
-        self._date = "" if found is None else found.date
+        self._date = found.date
         if self._first is None:
-            self._first = self._last = time_of_day_s
+            self._first = self._last = now_s
         if days:
             self._added_s += (days - self._midnights) * DAY_S
             self._midnights = 0
-        elif time_of_day_s < self._last - self._period_s / 2.0:
+        elif now_s < self._last - self._period_s / 2.0:
             self._added_s += self._period_s
             self._midnights += days == 0
-        elif put_back_s := self._put_back(time_of_day_s):
+        elif put_back_s := self._put_back(now_s):
             self._added_s += put_back_s
         else:
-            self._step_s = time_of_day_s - self._last
-        self._last = time_of_day_s
-        return self._added_s + time_of_day_s - self._first
+            self._step_s = now_s - self._last
+        self._last = now_s
+        return self._added_s + now_s - self._first
+
+    def elapsed_of_one_day(
+        self, times_s: NDArray[np.float64], first: DateAndTime
+    ) -> NDArray[np.float64] | None:
+        """Return the seconds of many times that only go on, as `elapsed` would of each.
+
+        Args:
+            times_s: finite, as `time_s` of `first`, all with its date [s].
+            first: of them.
+
+        Returns:
+            Seconds (rows,); None, and nothing was counted, where the date is another than before,
+            or the clock goes back or on by more than an hour: these are for `elapsed`.
+        """
+        if not first.date and first.has_zone:
+            times_s = times_s % DAY_S
+        start_s = float(times_s[0]) if self._first is None else self._first
+        steps_s = np.diff(times_s, prepend=start_s if self._first is None else self._last)
+        is_same_day = self._first is None or first.date == self._date
+        if not is_same_day or steps_s.min() < 0.0 or steps_s.max() > HOUR_S:
+            return None
+        self._first, self._date = start_s, first.date
+        self._last, self._step_s = float(times_s[-1]), float(steps_s[-1])
+        elapsed_s: NDArray[np.float64] = self._added_s + times_s - start_s
+        return elapsed_s
 
     def _put_back(self, now_s: float) -> float:
         """Return by how much the clock was put back for the end of summer time [s], else 0.
@@ -146,7 +152,8 @@ class Stopwatch:
         at_s = round(self._last / HOUR_S) * HOUR_S
         moved_s = HOUR_S if now_s < self._last else -HOUR_S
         is_at_night = HOUR_S <= at_s <= _LAST_CHANGE_S and self._last <= at_s <= now_s + moved_s
-        if self._period_s <= HOUR_S or not is_at_night:
+        is_coarse = self._step_s > HOUR_S / 2.0  # rows an hour apart show none
+        if self._period_s <= HOUR_S or not is_at_night or is_coarse:
             return 0.0
         if not 0.0 < now_s + moved_s - self._last <= most_s:
             return 0.0

@@ -10,8 +10,10 @@ from __future__ import annotations
 import itertools
 import math
 import os
+from functools import partial
 from pathlib import Path
 
+from hc_logger.csv_clock_column import date_column
 from hc_logger.csv_columns import candidates, status_column
 from hc_logger.csv_header import Header, find_header
 from hc_logger.csv_layout import COLUMNS, NO_COLUMN, CsvLayout
@@ -124,6 +126,7 @@ class _Finder:
             table.width,
             header=header.line,
             clock=clock,
+            date=date_column(partial(self._cells, table), a, table.width) if clock else NO_COLUMN,
             clock_period_s=clock_period(self._cells(table, a)),
             nanoseconds=nanoseconds,
             rate_hz=self._options.rate_hz,

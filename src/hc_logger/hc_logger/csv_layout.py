@@ -25,6 +25,7 @@ class CsvLayout(NamedTuple):
         width: cells in a row.
         header: the cells of the line of names, none if there is none.
         clock: whether the time is written as on a clock.
+        date: column of the dates beside a clock, NO_COLUMN if there is none.
         clock_period_s: after which it begins anew [s]: a day, or an hour if it shows no hours.
         nanoseconds: column of what is to be added to the time, NO_COLUMN if there is none.
         rate_hz: rows in a second; 0 if the file tells the time.
@@ -45,6 +46,7 @@ class CsvLayout(NamedTuple):
     width: int
     header: tuple[str, ...] = ()
     clock: bool = False
+    date: int = NO_COLUMN
     clock_period_s: float = DAY_S
     nanoseconds: int = NO_COLUMN
     rate_hz: float = 0.0

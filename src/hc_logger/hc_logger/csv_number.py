@@ -29,14 +29,14 @@ _GROUPED: Final = {
 }
 _ONE_GROUP: Final = re.compile(r"[-+]?[1-9]\d{0,2}[.,]\d{3}")
 DATE: Final = r"\d{1,4}[-./ ](?:\d{1,2}|[A-Za-z]{3,9})[-./ ]\d{1,4}"
-_CLOCK: Final = re.compile(
+CLOCK: Final = re.compile(
     rf"(?:(?P<date>{DATE}),?[ T]+)?"
     r"(?P<hour>\d{1,2}):(?P<minute>\d{2}):(?P<second>\d{2})(?:[.,](?P<part>\d{1,12})|:(?P<ms>\d{3}))?"
     r"(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?(?:\s*(?:Z|UTC|(?P<ahead>[+-])(?P<zone_h>\d{2})(?::?(?P<zone_min>\d{2}))?))?"
 )
 _BASIC: Final = re.compile(r"(\d{4})(\d{2})(\d{2})T(\d{2})(\d{2})(\d{2})(?=$|[.,Z+-])")
 """ISO 8601 without signs between: 20261025T135959.125."""
-_MINUTES: Final = re.compile(r"(?P<minute>\d{1,4}):(?P<second>\d{2})[.,](?P<part>\d{1,12})")
+MINUTES: Final = re.compile(r"(?P<minute>\d{1,4}):(?P<second>\d{2})[.,](?P<part>\d{1,12})")
 """As spreadsheets show a time, mm:ss.0; without a fraction it may be hours and minutes."""
 HOUR_S: Final = 3600.0
 
@@ -54,6 +54,11 @@ class DateAndTime(NamedTuple):
     date: str
     time_s: float
     has_zone: bool
+
+    @property
+    def time_of_day_s(self) -> float:
+        """Since midnight, of UTC where a zone is told [s]."""
+        return self.time_s % DAY_S if self.has_zone else self.time_s
 
 
 def number(cell: str, decimal: str, *, decimal_is_sure: bool = False) -> float | None:
@@ -153,22 +158,31 @@ def time_of_day(cell: str) -> float | None:
     since the full hour, or a timer's start.
     NaN for a cell that says there is none, None for other text.
     """
+    found = clock_time(cell)
+    return None if found is None else found.time_of_day_s
+
+
+def clock_time(cell: str) -> DateAndTime | None:
+    """Return the time that a cell shows as on a clock, of minutes and seconds too.
+
+    Its time is NaN for a cell that says there is none; None for other text.
+    """
     text = cell.strip()
     if text.lower() in MISSING:
-        return math.nan
-    dated = date_and_time(text)
-    if dated is not None:
-        return dated.time_s % DAY_S if dated.has_zone else dated.time_s
-    found = _MINUTES.fullmatch(text)
-    if found is None or int(found["second"]) > 60:
+        return DateAndTime("", math.nan, False)
+    found = MINUTES.fullmatch(text)
+    if found is None:
+        return date_and_time(text)
+    if int(found["second"]) > 60:
         return None
-    return 60.0 * int(found["minute"]) + float(f"{found['second']}.{found['part']}")
+    since_s = 60.0 * int(found["minute"]) + float(f"{found['second']}.{found['part']}")
+    return DateAndTime("", since_s, False)
 
 
 def date_and_time(cell: str) -> DateAndTime | None:
     """Return what stands in a cell with a time as on a clock, None for other text."""
     text = _BASIC.sub(r"\1-\2-\3T\4:\5:\6", cell.strip()) if "T" in cell else cell.strip()
-    found = _CLOCK.fullmatch(text) if ":" in text else None
+    found = CLOCK.fullmatch(text) if ":" in text else None
     if found is None:
         return None
     hour, minute, second = (int(found[name]) for name in ("hour", "minute", "second"))
@@ -180,14 +194,20 @@ def date_and_time(cell: str) -> DateAndTime | None:
         return None
     part = float(f"0.{found['part']}") if found["part"] else float(found["ms"] or 0) * 1e-3
     since = HOUR_S * hour + 60.0 * minute + second + part
-    if found["ahead"]:  # summer time that ends within a recording is no step of UTC
-        zone = HOUR_S * int(found["zone_h"]) + 60.0 * int(found["zone_min"] or 0)
-        since -= math.copysign(zone, float(f"{found['ahead']}1"))
-    return DateAndTime(found["date"] or "", since, bool(found["ahead"]))
+    # summer time that ends within a recording is no step of UTC
+    return DateAndTime(found["date"] or "", since - zone_s(found), bool(found["ahead"]))
+
+
+def zone_s(found: re.Match[str]) -> float:
+    """Return by how much the clock that CLOCK found is ahead of UTC [s]; 0 without a zone."""
+    if not found["ahead"]:
+        return 0.0
+    zone = HOUR_S * int(found["zone_h"]) + 60.0 * int(found["zone_min"] or 0)
+    return math.copysign(zone, float(f"{found['ahead']}1"))
 
 
 def clock_period(cells: Iterable[str]) -> float:
     """Return after how long a clock shows the same again [s]: an hour if it shows no hours."""
     texts = (cell.strip() for cell in cells)
     shown = [text for text in texts if text.lower() not in MISSING]
-    return HOUR_S if shown and all(map(_MINUTES.fullmatch, shown)) else DAY_S
+    return HOUR_S if shown and all(map(MINUTES.fullmatch, shown)) else DAY_S

@@ -9,7 +9,6 @@ chooses one. Text in the midst of the rows is an error that names its line.
 from __future__ import annotations
 
 import csv
-import io
 import math
 from collections.abc import Generator, Iterator
 from itertools import islice
@@ -19,25 +18,24 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_logger.csv_clock import Stopwatch, with_date
-from hc_logger.csv_columns import tells_an_error
+from hc_logger.csv_clock_column import ClockColumn
 from hc_logger.csv_ending import LOOKED_AT, cut_off_note
 from hc_logger.csv_header import row_of_header
 from hc_logger.csv_layout import NO_COLUMN, CsvLayout
 from hc_logger.csv_number import (
+    clock_time,
     number,
     pair_in_doubt,
     shows_decimal_sign,
     thousands_in_doubt,
-    time_of_day,
 )
+from hc_logger.csv_rewriting import LineRewriter
 from hc_logger.csv_table import LARGEST_SUMMARY, names_quantities
 from hc_logger.csv_text import limited_lines, split_line
 from hc_logger.errors import BagError
 
 BLOCK_ROWS: Final = 65536
 _QUANTITIES: Final = 3
-_NANO_DIGITS: Final = 9
 _SHOWN: Final = 40
 
 
@@ -75,10 +73,10 @@ class RowReader:
         self._indices = [i for i in layout.indices if i != NO_COLUMN]
         self._count = 0  # rows given
         self._time = -math.inf  # of the last row, as it is written
-        self._watch = Stopwatch(layout.clock_period_s)
+        self._clock = ClockColumn(layout) if layout.clock else None
+        self._rewriter = LineRewriter(layout)
         self._interruption: _Interruption | None = None
         self._repeated: list[int] = []  # lines of headers that came again
-        self._refused: list[tuple[int, str]] = []  # lines without a force, and the status there
         self._has_ended = False
         self._is_open = layout.decimal_is_open
 
@@ -100,82 +98,75 @@ class RowReader:
                 lines.pop()
                 self.notes.append(note)
             latest = lines[-LOOKED_AT:]
-            if layout.nanoseconds != NO_COLUMN:
-                lines = [self._with_whole_time(text) for text in lines]
-            if layout.status != NO_COLUMN:
-                lines = [self._without_refused(text, at) for at, text in enumerate(lines, line)]
-            rows = self._parse(lines, line)
+            rows = self._parse(self._rewriter.rewritten(lines, line), line)
             if self._is_open and any(layout.decimal in line for line in lines):
                 self._check_thousands(lines)
             yield rows if (factors == 1.0).all() else rows * factors
             line += len(lines)
         self._end()
 
-    def _with_whole_time(self, line: str) -> str:
-        """Return a line with seconds and nanoseconds in one cell, another one as it is."""
-        layout, cells = self._layout, split_line(line, self._layout.separator)
-        if len(cells) <= max(layout.indices[0], layout.nanoseconds):
-            return line
-        seconds, nano = (cells[i].strip() for i in (layout.indices[0], layout.nanoseconds))
-        if not (seconds.isdigit() and nano.isdigit() and len(nano) <= _NANO_DIGITS):
-            return line
-        cells[layout.indices[0]] = f"{seconds}{layout.decimal}{nano:0>{_NANO_DIGITS}}"
-        return self._line_of(cells)
-
-    def _without_refused(self, line: str, where: int) -> str:
-        """Return a line without its force where the sensor says that this is none."""
-        layout, cells = self._layout, split_line(line, self._layout.separator)
-        if len(cells) <= max(layout.indices[2], layout.status):
-            return line
-        word = cells[layout.status].strip()
-        if not tells_an_error(word):
-            return line
-        if number(cells[layout.indices[2]], layout.decimal) is None:
-            return line
-        self._refused.append((where, word))
-        cells[layout.indices[2]] = "nan"
-        return self._line_of(cells)
-
-    def _line_of(self, cells: list[str]) -> str:
-        """Return a line of these cells."""
-        text = io.StringIO()
-        separator = "\t" if self._layout.separator == " " else self._layout.separator
-        csv.writer(text, delimiter=separator, lineterminator="\n").writerow(cells)
-        return text.getvalue()
-
     def _parse(self, lines: list[str], first: int) -> NDArray[np.float64]:
         """Return the rows of some lines, times as they are written."""
         if all(map(str.isspace, lines)):
             return np.empty((0, _QUANTITIES))
-        if not self._is_plain(lines):
+        rows = self._parse_clock(lines) if self._clock is not None else self._parse_plain(lines)
+        if rows is None:
             return self._parse_slowly(lines, first)
-        comma = self._layout.decimal == ","
-        try:
-            rows = np.loadtxt(
-                [line.replace(",", ".") for line in lines] if comma else lines,
-                delimiter=None if self._layout.separator == " " else self._layout.separator,
-                usecols=self._indices,
-                comments=None,
-                ndmin=2,
-            )
-        except ValueError:
-            return self._parse_slowly(lines, first)
-        if self._layout.rate_hz:
-            rows = np.column_stack([self._counted(len(rows)), rows])
         times = rows[np.isfinite(rows[:, 0]), 0]
         self._time = float(times[-1]) if len(times) else self._time
         self._count += len(rows)
         return rows
 
+    def _parse_plain(self, lines: list[str]) -> NDArray[np.float64] | None:
+        """Return rows of numbers in one go; None where a line has something else."""
+        if not self._is_plain(lines):
+            return None
+        rows = self._loaded(lines, self._indices)
+        if rows is not None and self._layout.rate_hz:
+            rows = np.column_stack([self._counted(len(rows)), rows])
+        return rows
+
+    def _parse_clock(self, lines: list[str]) -> NDArray[np.float64] | None:
+        """Return rows with times as on a clock in one go; None where a line is another."""
+        layout, separator = self._layout, self._layout.separator
+        lines = [line for line in lines if not line.isspace()]
+        rows = [line.split(None if separator == " " else separator) for line in lines]
+        if self._clock is None or {len(row) for row in rows} != {layout.width}:
+            return None
+        _, a, b = layout.indices
+        lines = [f"{row[a]}{separator}{row[b]}" for row in rows]
+        if not self._is_plain(lines) or any('"' in line for line in lines):
+            return None
+        numbers = self._loaded(lines, [0, 1])
+        if numbers is None or len(numbers) < len(rows):
+            return None
+        times_s = self._clock.elapsed_of(rows)
+        return None if times_s is None else np.column_stack([times_s, numbers])
+
+    def _loaded(self, lines: list[str], columns: list[int]) -> NDArray[np.float64] | None:
+        """Return the numbers of some columns, None if there is something else in them."""
+        comma, separator = self._layout.decimal == ",", self._layout.separator
+        try:
+            return np.loadtxt(
+                [line.replace(",", ".") for line in lines] if comma else lines,
+                delimiter=None if separator == " " else separator,
+                usecols=columns,
+                comments=None,
+                ndmin=2,
+            )
+        except ValueError:
+            return None
+
     def _is_plain(self, lines: list[str]) -> bool:
         """Whether the lines may be read all at once: cells are where they should be."""
         layout = self._layout
-        if self._interruption is not None or layout.clock or layout.separator == layout.decimal:
+        if self._interruption is not None or layout.separator == layout.decimal:
             return False
         if layout.decimal == "," and any("." in line for line in lines):
             return False
         if layout.separator == " ":
-            return {len(line.split()) for line in lines} <= {0, layout.width}
+            widths = {0, len(self._indices) - 1 if layout.clock else layout.width}
+            return {len(line.split()) for line in lines} <= widths
         return max(line.count(layout.separator) for line in lines) < layout.width
 
     def _counted(self, count: int) -> NDArray[np.float64]:
@@ -245,7 +236,7 @@ class RowReader:
         layout, cells = self._layout, split_line(line, self._layout.separator)
         return all(
             index < len(cells)
-            and (time_of_day if layout.clock and quantity == 0 else self._number)(cells[index])
+            and (clock_time if layout.clock and quantity == 0 else self._number)(cells[index])
             is not None
             for quantity, index in enumerate(layout.indices)
             if index != NO_COLUMN
@@ -262,13 +253,10 @@ class RowReader:
             BagError: if it is one with text in it, or with too few or too many cells.
         """
         layout = self._layout
-        found = [
-            (time_of_day if layout.clock and quantity == 0 else self._number)(cells[index])
-            if index < len(cells)
-            else None
-            for quantity, index in enumerate(layout.indices)
-            if index != NO_COLUMN
-        ]
+        found = [self._number(cells[i]) if i < len(cells) else None for i in self._indices]
+        time = self._clock.read(cells) if self._clock is not None else None
+        if self._clock is not None:
+            found[0] = None if time is None else time.time_s
         no_number = [value is None for value in found]
         is_none = [value is None or math.isnan(value) for value in found]
         if all(no_number) if layout.rate_hz else no_number[0] or (is_none[0] and any(no_number)):
@@ -297,8 +285,8 @@ class RowReader:
             )
         if layout.rate_hz:
             values.insert(0, float(self._counted(1)[0]))
-        elif layout.clock:
-            values[0] = self._watch.elapsed(values[0], with_date(cells, self._indices[0]))
+        elif self._clock is not None and time is not None:
+            values[0] = self._clock.elapsed(time)
         return values
 
     def _no_number(self, where: int, name: str, cell: str) -> BagError:
@@ -359,20 +347,14 @@ class RowReader:
 
     def _end(self) -> None:
         """Say what was passed over and left out."""
-        self.notes += self._watch.notes
+        self.notes += self._clock.notes if self._clock is not None else []
         if self._repeated:
             times = f" {len(self._repeated)} times" if len(self._repeated) > 1 else ""
             self.notes.append(
                 f"the header comes again{times} within the rows (line {self._repeated[0]}): "
                 "passed over"
             )
-        if self._refused:
-            rows = "1 row" if len(self._refused) == 1 else f"{len(self._refused)} rows"
-            (where, word), *_ = self._refused
-            self.notes.append(
-                f"the sensor's status tells an error in {rows} (the first in line {where}: "
-                f"{word}): the forces of these are left out"
-            )
+        self.notes += self._rewriter.notes()
         found = self._interruption
         if found is not None and not self._count:
             raise self._no_row(found)
