@@ -35,6 +35,7 @@ from hc_logger.mcap_chunk import (
     unpack,
     unpack_cut,
 )
+from hc_logger.new_file import is_being_written
 from hc_logger.other_files import what_it_is
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -133,7 +134,9 @@ class McapFile:
         self.damaged: list[DamagedChunk] = []
         self._checked: set[int] = set()
         self.scan = FileScan()
+        being_written = is_being_written(self._stream.fileno())
         self._scan()
+        self._is_growing = being_written and not self.scan.complete
         if not self.scan.complete or (self.scan.chunks and not self.scan.channels):
             self._collect_from_chunks()
 
@@ -157,18 +160,19 @@ class McapFile:
 
     def problems(self) -> list[str]:
         """Return one line for each thing that could not be read so far."""
+        scan = self.scan
         lines = []
-        for start, end in self.scan.unreadable:
-            cut = end == self.scan.size and not self.scan.complete
-            lines.append(
-                f"cut off at byte {start} of {end}"
-                if cut
-                else f"damaged from byte {start} to {end} of {self.scan.size}"
-            )
-        if self.scan.cut_chunk:
-            lines.append(self.scan.cut_chunk)
-        if not self.scan.complete and not lines:
-            lines.append(f"cut off after byte {self.scan.size}: its end is missing")
+        for start, end in scan.unreadable:
+            if end < scan.size or scan.complete:
+                lines.append(f"damaged from byte {start} to {end} of {scan.size}")
+            elif not self._is_growing:
+                lines.append(f"cut off at byte {start} of {end}, or being recorded")
+        if self._is_growing:
+            lines.append(f"is being recorded: its first {scan.size} bytes were read")
+        elif scan.cut_chunk:
+            lines.append(scan.cut_chunk)
+        elif not scan.complete and not lines:
+            lines.append(f"cut off after byte {scan.size}, or being recorded: its end is missing")
         lines += [
             f"the chunk at byte {damage.place.offset} is damaged ({damage.reason})"
             for damage in self.damaged

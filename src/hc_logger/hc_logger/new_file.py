@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import fcntl
 import os
 import secrets
 from collections.abc import Iterable, Iterator
@@ -23,7 +24,8 @@ class RawFile:
     """A new, unbuffered file whose write() writes everything or raises.
 
     Unbuffered, because writers hand over large blocks and a failed write must show at once. The
-    system may write a part only (a nearly full disk does); the rest is tried again.
+    system may write a part only (a nearly full disk does); the rest is tried again. It is locked
+    until it is closed, by which a reader knows that more is to come: see is_being_written().
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -34,6 +36,8 @@ class RawFile:
         """
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
         self._number = os.open(path, flags, 0o666)
+        with contextlib.suppress(OSError):  # no locks there: readers cannot tell, no more
+            fcntl.flock(self._number, fcntl.LOCK_EX | fcntl.LOCK_NB)
         self._position = 0
         self._has_names = os.fstat(self._number).st_nlink > 0  # some file systems count none
 
@@ -90,6 +94,22 @@ class RawFile:
         number, self._number = self._number, -1
         if number >= 0:
             os.close(number)
+
+
+def is_being_written(number: int) -> bool:
+    """Whether a RawFile has this file open, in this process or another one of this machine.
+
+    Args:
+        number: descriptor of the file, open for reading.
+    """
+    try:
+        fcntl.flock(number, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:  # a file system without locks: nobody can tell
+        return False
+    fcntl.flock(number, fcntl.LOCK_UN)
+    return False
 
 
 def sync(number: int) -> None:
