@@ -150,9 +150,12 @@ def test_without_a_map_the_table_and_the_places_are_said_all_the_same(
     said = capsys.readouterr()
     assert "site 3: surface at " in said.out
     assert f"written: {out}" in said.out
-    assert "a map needs contacts at 4 places at least" in said.err
+    assert "is a CSV file, which tells no place: a map needs a bag" in said.err
+    assert "--tip" not in said.err  # regression: it was advised, and a CSV cannot have it
     assert out.exists()
     assert not drawn.exists()
+    assert main(["contacts", str(table), "--map", str(drawn)]) == 2
+    assert "is a CSV file, which tells no place" in capsys.readouterr().err
 
 
 def test_where_the_tip_is_known_its_way_sideways_counts_and_not_the_pause(table: Path) -> None:

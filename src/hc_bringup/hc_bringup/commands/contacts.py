@@ -139,6 +139,8 @@ def run(arguments: argparse.Namespace) -> int:
         if target.exists():
             raise UserError(f"{target} exists already: choose another file", WRONG_USE)
     recording = recording_input.load(arguments)
+    if arguments.maps and not recording.is_bag and arguments.output is None:
+        raise UserError(_no_place(name_of(arguments)), WRONG_USE)
     wrong = say_unusable(name_of(arguments), recording)
     tip = tip_source(arguments)
     beside: dict[str, Any] = {}
@@ -166,6 +168,8 @@ def run(arguments: argparse.Namespace) -> int:
         summary |= {"channel_delay_s": delay.seconds, "channel_delay_std_s": delay.deviation_s}
     summary["written"] = written
     try:
+        if arguments.maps and not recording.is_bag:
+            raise UserError(_no_place(name_of(arguments)))
         if arguments.maps:
             summary |= _write_maps(arguments, data, contacts, written)
     finally:  # where no map can be drawn, the table is there all the same
@@ -174,6 +178,13 @@ def run(arguments: argparse.Namespace) -> int:
     if wrong:
         raise UserError(f"{name_of(arguments)}: {wrong}: do what stands above")
     return 0
+
+
+def _no_place(name: str) -> str:
+    return (
+        f"{name} is a CSV file, which tells no place: a map needs a bag with the tip's position "
+        "(hc record); a CSV has a table of its contacts, -o OUT.csv"
+    )
 
 
 def _of_sites(beside: dict[str, list[Any]], contacts: list[Any]) -> list[dict[str, Any]]:
