@@ -10,6 +10,16 @@ import pytest
 
 import hc_estimator as hc
 from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model import spline, spline_start
+from hc_estimator.multiple_model.history import WIDE
+from hc_estimator.multiple_model.spline_records import (
+    BENDS,
+    MOVES,
+    RELAXES,
+    SINKS,
+    STEADY,
+    VARIES,
+)
 
 SHARED = Path("/work/shared/data")  # real recordings; their licences keep them out of the project
 
@@ -105,6 +115,69 @@ def records_of():
 def parts(records_of):
     """Settings and bank of a fresh default filter."""
     return records_of(hc.create_estimator("self_tuning_ukf"))
+
+
+@pytest.fixture
+def filled(records_of):
+    """Settings, history and fit of a contact of a kind (`spline_records.py`), its ln K, surface, n.
+
+    400 points 20 ms apart. With zeros the force is 0.05 N and the position 0.3 mm off; what sinks
+    does so at 0.04 mm/s; memories take away the shares of the force of `test_spline_fit.py`.
+    """
+
+    def law(depth, velocity, log_stiffness, log_ratio, n, p):
+        drag = np.exp(log_ratio) * np.sign(velocity) * np.abs(velocity) ** p
+        return np.maximum(np.exp(log_stiffness) * np.maximum(depth, 0.0) ** n * (1.0 + drag), 0.0)
+
+    def fill(kind, with_zeros=True):
+        settings, bank = records_of(hc.create_estimator("self_tuning_ukf", channel_delay=0.0))
+        history, fit = bank.history, bank.fit
+        count, shares = 400, np.array([0.0, 0.1, 0.15, 0.05, 0.1])
+        time = 0.02 * np.arange(count) + 0.0137  # never quite at rest, where p < 1 has no slope
+        slow, quick = 2.0 * np.pi * 1.3, 2.0 * np.pi * 2.9
+        depth = 3.0 + np.sin(slow * time) + 0.3 * np.sin(quick * time)
+        velocity = slow * np.cos(slow * time) + 0.3 * quick * np.cos(quick * time)
+        acceleration = -(slow**2) * np.sin(slow * time) - 0.3 * quick**2 * np.sin(quick * time)
+        level, exponent = np.full(count, np.log(0.4)), np.full(count, 1.5)
+        surface, speed = np.zeros(count), np.zeros(count)
+        if kind & STEADY:
+            level += 0.05 * time
+        elif kind & VARIES:
+            level += 0.4 * np.sin(2.0 * np.pi * time / 6.0)
+        if kind & BENDS:
+            exponent += 0.1 * np.sin(2.0 * np.pi * time / 7.0)
+        if kind & SINKS:
+            surface, speed = 0.04 * (time - time[-1]), np.full(count, 0.04)
+        if kind & MOVES:
+            surface = 0.5 * np.sin(2.0 * np.pi * time / 4.0)
+            speed = 0.25 * np.pi * np.cos(2.0 * np.pi * time / 4.0)
+        zero, position = (0.05, 0.3) if with_zeros else (0.0, 0.0)
+        position = 0.0 if kind & MOVES else position
+        history.points[:] = np.zeros((), history.points.dtype)
+        history.points[:count]["depth"] = depth + position + surface
+        history.points[:count]["force"] = (
+            law(depth, velocity, level, np.log(0.02), exponent, 1.0) + zero
+        )
+        if kind & RELAXES:
+            wandering = np.random.default_rng(2).standard_normal((count, shares.size))
+            memories = np.cumsum(wandering, axis=0) / 20.0 + 1.0
+            history.points[:count]["memory"] = memories
+            history.points[:count]["force"] -= memories @ shares
+        history.points[:count]["motion_velocity"] = velocity + speed
+        history.points[:count]["motion_acceleration"] = acceleration
+        history.points[:count]["source"] = WIDE
+        history.points[:count]["time"] = time
+        history.count, history.first = count, 0
+        spline.free_all(settings, fit)
+        if not with_zeros:
+            fit.held[spline.FORCE_ZERO] = 1
+            fit.held[spline.POSITION] = 1
+        assert spline.lay_out(history, fit, 0, count, kind)
+        bank.rows[0].state[2:6] = np.log(0.6), np.log(0.06), 1.7, 0.9
+        spline_start.begin(settings, history, fit, bank.rows[0])
+        return settings, history, fit, (level, surface, exponent)
+
+    return fill
 
 
 class Plant:

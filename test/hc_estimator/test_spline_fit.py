@@ -2,19 +2,16 @@
 
 import numpy as np
 import pytest
-from scipy.interpolate import BSpline, CubicSpline
+from scipy.interpolate import BSpline
 from scipy.optimize import least_squares
 
-import hc_estimator as hc
 from hc_estimator.multiple_model import (
-    moving_delay,
     spline,
     spline_fit,
     spline_outcome,
     spline_prior,
     spline_start,
 )
-from hc_estimator.multiple_model.history import WIDE
 from hc_estimator.multiple_model.hypotheses import OWN, SURFACE_ROW
 from hc_estimator.multiple_model.spline_records import (
     BAND,
@@ -39,60 +36,6 @@ def law(depth, velocity, log_stiffness, log_ratio, n, p):
     """Force of the law, written once more."""
     drag = np.exp(log_ratio) * np.sign(velocity) * np.abs(velocity) ** p
     return np.maximum(np.exp(log_stiffness) * np.maximum(depth, 0.0) ** n * (1.0 + drag), 0.0)
-
-
-@pytest.fixture
-def filled(records_of):
-    """Settings, history and fit of a contact of a kind, its ln K, surface and n."""
-
-    def fill(kind, with_zeros=True):
-        settings, bank = records_of(hc.create_estimator("self_tuning_ukf", channel_delay=0.0))
-        history, fit = bank.history, bank.fit
-        time = SPACING * np.arange(COUNT) + 0.0137  # never quite at rest, where p < 1 has no slope
-        slow, quick = 2.0 * np.pi * 1.3, 2.0 * np.pi * 2.9
-        depth = 3.0 + np.sin(slow * time) + 0.3 * np.sin(quick * time)
-        velocity = slow * np.cos(slow * time) + 0.3 * quick * np.cos(quick * time)
-        acceleration = -(slow**2) * np.sin(slow * time) - 0.3 * quick**2 * np.sin(quick * time)
-        level, exponent = np.full(COUNT, np.log(0.4)), np.full(COUNT, 1.5)
-        surface, speed = np.zeros(COUNT), np.zeros(COUNT)
-        if kind & STEADY:
-            level += 0.05 * time
-        elif kind & VARIES:
-            level += 0.4 * np.sin(2.0 * np.pi * time / 6.0)
-        if kind & BENDS:
-            exponent += 0.1 * np.sin(2.0 * np.pi * time / 7.0)
-        if kind & SINKS:
-            surface, speed = SPEED * (time - time[-1]), np.full(COUNT, SPEED)
-        if kind & MOVES:
-            surface = 0.5 * np.sin(2.0 * np.pi * time / 4.0)
-            speed = 0.25 * np.pi * np.cos(2.0 * np.pi * time / 4.0)
-        zero, position = (ZERO, POSITION) if with_zeros else (0.0, 0.0)
-        position = 0.0 if kind & MOVES else position
-        history.points[:] = np.zeros((), history.points.dtype)
-        history.points[:COUNT]["depth"] = depth + position + surface
-        history.points[:COUNT]["force"] = (
-            law(depth, velocity, level, np.log(0.02), exponent, 1.0) + zero
-        )
-        if kind & RELAXES:
-            wandering = np.random.default_rng(2).standard_normal((COUNT, SHARES.size))
-            memories = np.cumsum(wandering, axis=0) / 20.0 + 1.0
-            history.points[:COUNT]["memory"] = memories
-            history.points[:COUNT]["force"] -= memories @ SHARES
-        history.points[:COUNT]["motion_velocity"] = velocity + speed
-        history.points[:COUNT]["motion_acceleration"] = acceleration
-        history.points[:COUNT]["source"] = WIDE
-        history.points[:COUNT]["time"] = time
-        history.count, history.first = COUNT, 0
-        spline.free_all(settings, fit)
-        if not with_zeros:
-            fit.held[spline.FORCE_ZERO] = 1
-            fit.held[spline.POSITION] = 1
-        assert spline.lay_out(history, fit, 0, COUNT, kind)
-        bank.rows[0].state[2:6] = np.log(0.6), np.log(0.06), 1.7, 0.9
-        spline_start.begin(settings, history, fit, bank.rows[0])
-        return settings, history, fit, (level, surface, exponent)
-
-    return fill
 
 
 def knots_of(fit, which=0):
@@ -187,38 +130,6 @@ def test_its_step_follows_the_bend_of_the_valley(filled):
     assert cost(bent) < 0.5 * min(before, cost(straight))
 
 
-def test_a_delay_that_averages_positions_is_expected_to_leave_less(filled):
-    """Regression: half of their noise was taken for a delay of half the way between two points."""
-    settings, history, fit, _ = filled(MOVES, with_zeros=False)
-    fit.held[spline.DELAY] = 0
-    fit.spacing = SPACING
-    noise = (1e-4, 1e-6, 1.0)
-    spline_fit.weigh(settings, history, fit, noise)
-    whole = fit.expected
-    assert fit.averaged == 0.0
-    fit.values[spline.DELAY] = 0.5 * SPACING
-    spline_fit.weigh(settings, history, fit, noise)
-    assert fit.expected < 0.6 * whole
-    assert fit.expected + fit.averaged == pytest.approx(whole, rel=0.05)
-
-
-def test_what_is_late_in_step_costs_what_its_posterior_says(filled):
-    """Savage and Dickey's ratio: the same evidence with the delay held at none."""
-    settings, history, fit, _ = filled(STAYS, with_zeros=False)
-    fit.held[spline.DELAY] = 0
-    noise = (1e-7, 1e-5, 1.0)
-    points = history.points[:COUNT]
-    points["force"] += 1e-3 * np.random.default_rng(3).standard_normal(COUNT)
-    evidence = []
-    for held in (0, 1):
-        fit.held[spline.DELAY] = held
-        fit.values[spline.DELAY] = 0.0
-        squares = spline_fit.solve_least_squares(settings, history, fit, noise)
-        cost = moving_delay.cost_of_none(fit)
-        evidence.append(spline_prior.log_evidence(fit, squares) - cost)
-    assert evidence[0] == pytest.approx(evidence[1], abs=0.05)
-
-
 def test_what_was_not_seen_since_the_latest_point_is_not_known(filled, parts):
     settings, history, fit, _ = filled(MOVES, with_zeros=False)
     spline_fit.solve_least_squares(settings, history, fit, NOISE)
@@ -231,22 +142,6 @@ def test_what_was_not_seen_since_the_latest_point_is_not_known(filled, parts):
     assert deviations[1][4] > walk * np.sqrt(0.3**3 / 3.0)
     assert deviations[1][5] > walk * np.sqrt(0.3)
     assert deviations[1][0] == pytest.approx(deviations[0][0])  # the tissue stays
-
-
-@pytest.mark.parametrize("late", [0.0093, -0.0093, 0.005, -0.0185])
-def test_a_delay_between_two_points_is_found(late, filled):
-    """Regression: by a Taylor series over half of 20 ms a delay of 9.3 ms was 8.3."""
-    settings, history, fit, _ = filled(MOVES, with_zeros=False)
-    points = history.points[:COUNT]
-    force = CubicSpline(points["time"], points["force"])
-    history.points[:COUNT]["force"] = force(points["time"] - late)
-    fit.held[spline.DELAY] = 0
-    assert spline.lay_out(history, fit, 1, COUNT - 1, MOVES)  # no spline goes beyond its ends
-    fit.spacing = SPACING
-    fit.delay_deviation = 0.03
-    squares = spline_fit.solve_least_squares(settings, history, fit, NOISE)
-    assert squares < fit.expected
-    assert fit.values[spline.DELAY] == pytest.approx(late, abs=1e-4)
 
 
 @pytest.mark.parametrize("kind", KINDS)
