@@ -111,6 +111,32 @@ def test_a_named_pipe_is_read_to_its_end(
     writer.join()
 
 
+@pytest.mark.timeout(60)
+def test_a_named_pipe_that_nobody_writes_to_is_waited_for_with_words(
+    table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regression: "starting hc doctor, since 30 s" was said all that time."""
+    pipe = tmp_path / "press.csv"
+    os.mkfifo(pipe)
+    steps: list[str] = []
+    waited = threading.Event()
+
+    def doing(step: str) -> None:
+        steps.append(step)
+        waited.set()
+
+    def write_late() -> None:
+        waited.wait(30.0)
+        pipe.write_bytes(table.read_bytes())
+
+    monkeypatch.setattr(standard_input.heartbeat, "doing", doing)
+    writer = threading.Thread(target=write_late)
+    writer.start()
+    result_of(capsys, str(pipe))
+    writer.join()
+    assert steps[0] == f"waiting for {pipe}"
+
+
 def test_lines_call_it_what_it_is_and_can_be_typed_again(
     table: Path,
     piped: Callable[[bytes], None],

@@ -81,8 +81,9 @@ def _is_pipe(path: str) -> bool:
 
 def _opened(path: str, stack: contextlib.ExitStack) -> tuple[IO[bytes], str]:
     if path not in _NAMES:
-        try:
-            return stack.enter_context(open(path, "rb")), path
+        try:  # at once: a named pipe that nobody writes to yet is waited for with words
+            descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+            return stack.enter_context(open(descriptor, "rb")), path
         except OSError as error:
             raise UserError(f"cannot read {path}: {error.strerror}") from error
     if sys.stdin.isatty():
