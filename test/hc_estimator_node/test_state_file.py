@@ -2,12 +2,14 @@
 
 import json
 import os
+import time
 
 import numpy as np
 import pytest
 
 from hc_estimator import create_estimator
 from hc_estimator.ros.state_keeper import StateKeeper, parameters_of
+from hc_estimator.stream import state_file
 from hc_estimator.stream.session import EstimationSession
 from hc_estimator.stream.state_file import (
     ON_TRIAL,
@@ -267,6 +269,31 @@ def test_an_old_state_is_not_gone_on_from_and_not_set_aside(tmp_path, session):
     keeper = StateKeeper(str(tmp_path))
     assert keeper.kept(0.0) is None
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("moved_s", [-86_400.0, 86_400.0], ids=["back", "forward"])
+def test_a_clock_that_is_set_makes_no_state_older_or_younger(
+    tmp_path, session, monkeypatch, moved_s
+):
+    """Regression: set forward by a day (from 1970 by NTP, say) a state of now was too old."""
+    StateFolder(tmp_path).save(RUNNING, session)
+    now = time.time
+    monkeypatch.setattr(state_file.time, "time", lambda: now() + moved_s)
+    state = StateFolder(tmp_path).load(RUNNING)
+    assert 0.0 <= state.age_s < 30.0
+    assert StateKeeper(str(tmp_path)).kept(30.0) is not None
+
+
+@pytest.mark.parametrize(("since_s", "is_used"), [(-86_400.0, False), (5.0, True), (60.0, False)])
+def test_of_a_machine_that_began_anew_the_clock_counts(
+    tmp_path, session, monkeypatch, since_s, is_used
+):
+    """Regression: of a clock set back by a day a state of yesterday was one of this moment."""
+    StateFolder(tmp_path).save(RUNNING, session)
+    now = time.time
+    monkeypatch.setattr(state_file.time, "time", lambda: now() + since_s)
+    monkeypatch.setattr(state_file, "boot_name", lambda: "another boot")
+    assert (StateKeeper(str(tmp_path)).kept(30.0) is not None) == is_used
 
 
 def test_saving_leaves_one_file_and_removing_none(tmp_path, session):

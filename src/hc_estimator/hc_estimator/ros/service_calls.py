@@ -74,4 +74,6 @@ class ServiceCalls:
             session.load(state.estimator, state.time_origin_ns)
         except ValueError as error:
             raise NotPossibleError(str(error)) from error
+        if state.age_s < 0.0:
+            return "goes on from a state saved before the clock was set back"
         return f"goes on from a state saved {state.age_s:.0f} s ago"

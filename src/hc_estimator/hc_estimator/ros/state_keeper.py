@@ -88,7 +88,8 @@ class StateKeeper:
         A broken state must not keep a node from starting again and again.
 
         Args:
-            maximum_age_s: what is older is left alone.
+            maximum_age_s: what is older is left alone, and what is of a time still to come: the
+                clock was set back, and nobody knows how old it is.
             take_settings: gives the node the settings of a state; may raise NotPossibleError.
             warn: told of a state that is not gone on from.
         """
@@ -173,7 +174,7 @@ class StateKeeper:
             return None
         self._folder.begin_trial()
         state = self._folder.load(ON_TRIAL)
-        if state.age_s > maximum_age_s:
+        if not 0.0 <= state.age_s <= maximum_age_s:
             self._folder.remove(ON_TRIAL)
             return None
         try_out(state)

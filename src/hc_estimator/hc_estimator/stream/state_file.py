@@ -54,7 +54,7 @@ class SavedState(NamedTuple):
     estimator: dict[str, Any]  # Estimator.state()
     time_origin_ns: int
     revision: int
-    age_s: float
+    age_s: float  # below zero where the clock was set back since, and the machine began anew
     settings: dict[str, Any]  # of the node, that were changed while it ran
 
 
@@ -75,6 +75,8 @@ def _head(session: EstimationSession) -> dict[str, Any]:
         "time_origin_ns": session.time_origin_ns,
         "revision": session.revision.number,
         "saved_at_s": time.time(),
+        "saved_at_boot_time_s": time.clock_gettime(time.CLOCK_BOOTTIME),
+        "boot": boot_name(),
     }
 
 
@@ -209,7 +211,7 @@ class StateFolder:
                 estimator,
                 _whole(data, "time_origin_ns", LATEST_NS),
                 _whole(data, "revision", LAST_REVISION),
-                time.time() - _finite(data, "saved_at_s"),
+                _age_s(data),
                 settings,
             )
         except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
@@ -275,6 +277,26 @@ def _whole(data: dict[str, Any], name: str, largest: int) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= largest:
         raise ValueError(f"{name} is {value!r:.40} instead of a number from 0 to {largest}")
     return value
+
+
+def boot_name() -> str:
+    """Return what the system calls the time since the machine began; empty if it does not say."""
+    try:
+        return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+    except (OSError, ValueError):
+        return ""
+
+
+def _age_s(data: dict[str, Any]) -> float:
+    """Return how long ago a state was saved [s].
+
+    By the time since the machine began, which nobody sets, if it has not begun anew since: a
+    machine without a clock of its own begins in the past and is put right a minute later.
+    """
+    by_clock_s = time.time() - _finite(data, "saved_at_s")
+    if not data.get("boot") or data["boot"] != boot_name():
+        return by_clock_s
+    return time.clock_gettime(time.CLOCK_BOOTTIME) - _finite(data, "saved_at_boot_time_s")
 
 
 def _finite(data: dict[str, Any], name: str) -> float:
