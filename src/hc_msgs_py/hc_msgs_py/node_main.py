@@ -27,6 +27,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from hc_msgs_py import realtime
+from hc_msgs_py.answers import give_up_on_clients_that_are_gone
 from hc_msgs_py.clock_watch import ClockWatch
 from hc_msgs_py.entry_points import FaultOfAnotherError
 from hc_msgs_py.middleware import NoDomainError, NoSecurityError, set_defaults
@@ -165,6 +166,7 @@ def run_node(
             print(_failure(error), file=sys.stderr)  # noqa: T201
             return 1
         answer_impossible_parameters(node)
+        give_up_on_clients_that_are_gone(node)
         for line in files_for_others(arguments, node.get_fully_qualified_name()):
             node.get_logger().warning(line)
         executor = EventsExecutor()
