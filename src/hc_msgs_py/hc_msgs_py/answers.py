@@ -83,9 +83,9 @@ class _Answers:
             header: of its request.
         """
         client = client_of(header)
-        until_ns, until_s, was_told = self._gone.get(client, (-1, 0.0, False))
+        until_ns, until_s, is_said = self._gone.get(client, (-1, 0.0, False))
         if header.received_timestamp <= until_ns and time.monotonic() < until_s:
-            if not was_told:
+            if not is_said:
                 self._gone[client] = until_ns, until_s, True
                 self._tell(
                     f"a client of {self._name} is gone: what else it asked is done and not answered"
@@ -93,7 +93,7 @@ class _Answers:
             return
         if not self._finds_somebody(response, header) and client:
             self._gone.pop(client, None)
-            self._gone[client] = time.time_ns(), time.monotonic() + LONGEST_S, was_told
+            self._gone[client] = time.time_ns(), time.monotonic() + LONGEST_S, is_said
             if len(self._gone) > _MOST_CLIENTS:
                 del self._gone[next(iter(self._gone))]
 
