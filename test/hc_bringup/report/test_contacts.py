@@ -166,7 +166,7 @@ def test_command(
         (["-o", str(tmp_path / "c.txt")], ".parquet"),
         (["--map", str(tmp_path / "m.jpg")], ".ply"),
         ([], "give a table"),
-        (["--map", str(tmp_path / "m.png")], "--tip TOPIC"),
+        (["--map", str(tmp_path / "m.png")], "which tells no place"),
         (["--map", str(tmp_path / "m.png"), "--tip", "tool_pose"], "CSV file"),
     ):
         assert main([*words, *wrong]) in (1, 2)

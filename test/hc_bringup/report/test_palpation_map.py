@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -111,8 +112,13 @@ def test_line_of_contacts_and_scan_along_it(make_run: MakeRun) -> None:
 def test_too_few_places_is_one_line(make_run: MakeRun) -> None:
     data = make_run(seconds=2.0)
     contacts: list[Contact] = find_contacts(data)
-    with pytest.raises(UserError, match="no position is recorded"):
+    with pytest.raises(UserError, match=r"no position is recorded \(--tip TOPIC"):
         measured_places(data, contacts, 1.0)
+    time_s = np.array([0.0, 2.0])
+    there = dataclasses.replace(data, tip=TipPath(time_s, np.full((2, 2), 5.0)))
+    with pytest.raises(UserError, match="and 1 is known: press at more") as raised:
+        measured_places(there, find_contacts(there), 1.0)
+    assert "--tip" not in str(raised.value)
 
 
 @pytest.mark.parametrize("suffix", map_file.SUFFIXES)
@@ -143,6 +149,56 @@ def test_the_label_of_a_hard_spot_is_readable_beside_a_narrow_map(plane: Any) ->
     (label,) = [text for text in map_file.draw(plane, "a map").axes[0].texts if text.get_text()]
     assert label.get_bbox_patch() is not None
     assert label.get_bbox_patch().get_facecolor()[:3] == (0.0, 0.0, 0.0)
+
+
+def test_tissue_that_is_the_same_everywhere_has_one_colour() -> None:
+    """Regression: differences of 1e-7 N/mm, a thousandth of the deviation, took all colours."""
+    x, y = np.meshgrid(np.arange(0.0, 14.1, 2.0), np.arange(0.0, 14.1, 2.0))
+    position = np.column_stack([x.ravel(), y.ravel()])
+    random = np.random.default_rng(1)
+    for deviation in (1e-7, 1e-3, 0.2):
+        level = deviation * random.standard_normal(len(position))
+        variance = np.full(len(position), deviation**2)
+        places = MeasuredPlaces(position, level, variance, np.full(len(position), 3.0), 1.0)
+        found = fit_map(places)
+        low, high = found.colour_range
+        assert high - low >= 0.099 * np.median(found.stiffness)
+        assert low <= found.stiffness[found.known].min()
+        assert high >= found.stiffness[found.known].max()
+        ends = map_file.draw(found, "a map").axes[0].images[0].get_clim()
+        assert ends == pytest.approx((low, high))
+        mesh = map_file.encode(found, Path("map.ply"), "a map").decode().splitlines()
+        rows = mesh[mesh.index("end_header") + 1 :][: found.stiffness.size]
+        colours = {tuple(row.split()[3:6]) for row in rows}
+        if deviation < 0.01:
+            assert len(colours) < 0.2 * 256
+
+
+def test_tissue_that_is_the_same_everywhere_is_known_where_it_was_felt() -> None:
+    """Regression: 94 % of it was grey, not known (at 5 % for each place, 42 %)."""
+    x, y = np.meshgrid(np.arange(0.0, 14.1, 2.0), np.arange(0.0, 14.1, 2.0))
+    position = np.column_stack([x.ravel(), y.ravel()])
+    never = (position[:, 0] > 8.5) & (position[:, 1] > 8.5)
+    for seed in range(4):
+        level = 0.2 * np.random.default_rng(seed).standard_normal(len(position))
+        places = MeasuredPlaces(
+            position[~never],
+            level[~never],
+            np.full(np.count_nonzero(~never), 0.2**2),
+            np.full(np.count_nonzero(~never), 3.0),
+            1.0,
+        )
+        found = fit_map(places)
+        grid_x, grid_y = np.meshgrid(found.x_mm, found.y_mm)
+        felt = (grid_x < 8.0) | (grid_y < 8.0)
+        assert found.known[felt].mean() > 0.9
+        assert np.mean(np.abs(np.log(found.stiffness)) < 3.0 * found.log_std) > 0.95
+        assert found.lump is None
+
+
+def test_the_colours_of_tissue_that_differs_are_those_of_its_ends(plane: Any) -> None:
+    shown = plane.stiffness[plane.known]
+    assert plane.colour_range == pytest.approx((shown.min(), shown.max()))
 
 
 def test_mesh_is_whole(plane: Any) -> None:

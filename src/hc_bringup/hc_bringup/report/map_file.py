@@ -95,6 +95,7 @@ def _profile(figure: Figure, found: StiffnessMap, names: str) -> None:
         extent=(found.x_mm[0], found.x_mm[-1], 0.0, 1.0),
         aspect="auto",
         cmap=COLOURS,
+        norm=Normalize(*found.colour_range),
     )
     strip.set_yticks([])
     strip.grid(visible=False)
@@ -122,12 +123,19 @@ def _inwards(found: StiffnessMap, x_mm: float) -> str:
 def _plane(figure: Figure, found: StiffnessMap, names: str) -> None:
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     extent = (found.x_mm[0], found.x_mm[-1], found.y_mm[0], found.y_mm[-1])
-    for axes, values, colours, label in (
-        (left, found.stiffness, COLOURS, f"stiffness at {found.places.depth_mm:g} mm [N/mm]"),
-        (right, 100.0 * found.log_std, "cividis_r", "standard deviation [%]"),
+    stiffness = f"stiffness at {found.places.depth_mm:g} mm [N/mm]"
+    for axes, values, colours, ends, label in (
+        (left, found.stiffness, COLOURS, found.colour_range, stiffness),
+        (right, 100.0 * found.log_std, "cividis_r", (None, None), "standard deviation [%]"),
     ):
-        shown = np.where(found.known, values, np.nan)
-        image: Any = axes.imshow(shown, origin="lower", extent=extent, cmap=colours, aspect="equal")
+        image: Any = axes.imshow(
+            np.where(found.known, values, np.nan),
+            origin="lower",
+            extent=extent,
+            cmap=colours,
+            norm=Normalize(*ends),
+            aspect="equal",
+        )
         figure.colorbar(image, ax=axes, label=label, shrink=0.8)
         position = found.places.position_mm
         axes.plot(position[:, 0], position[:, 1], ".", color="white", markersize=2.5, alpha=0.8)
@@ -168,8 +176,7 @@ def _csv(found: StiffnessMap) -> bytes:
 def _ply(found: StiffnessMap) -> bytes:
     """Return a mesh (Stanford PLY): places coloured by stiffness, which is a property too."""
     rows, columns = found.stiffness.shape
-    shown = found.stiffness[found.known] if found.known.any() else found.stiffness
-    scale = Normalize(float(shown.min()), float(shown.max()), clip=True)
+    scale = Normalize(*found.colour_range, clip=True)
     colours = (255.0 * colormaps[COLOURS](scale(found.stiffness))[..., :3]).astype(int)
     faces = [
         (

@@ -11,10 +11,11 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 
 from hc_bringup.dashboard.palpation import MAP_COLUMNS, PalpationMap
 from hc_bringup.errors import UserError
@@ -31,6 +32,10 @@ SCAN_MM: Final = 2.0
 """A contact that goes sideways farther than this is felt along its way, not at one place."""
 UNKNOWN_SHARE: Final = 0.8
 """Where the deviation is more than this share of that far from everything, nothing is known."""
+SURE_STD: Final = 0.1
+"""Where something was felt as near as its neighbours lie, and the logarithm of the stiffness is as
+sure as that, it is known: tissue that is the same everywhere is so without differing from place to
+place by more than the deviation, which is all that the former asks."""
 AROUND: Final = 0.25
 """Quantile of the stiffness that counts as what is around a lump: the lump itself is not in it."""
 AT_THE_END = 0.06
@@ -98,7 +103,7 @@ class StiffnessMap:
         y_mm: (ny,); one value for a map along a line.
         stiffness: median [N/mm], (ny, nx).
         log_std: standard deviation of its logarithm, (ny, nx).
-        known: where more is known than far from everything, (ny, nx).
+        known: where more is known than far from everything, or enough as it is, (ny, nx).
         places: what it is made of.
         length_mm: over which distance the tissue changes, as fitted; along x and y.
         lump: where one stands out, or None.
@@ -117,6 +122,21 @@ class StiffnessMap:
     def is_line(self) -> bool:
         """Whether all places lie on a line along x."""
         return len(self.y_mm) == 1
+
+    @property
+    def colour_range(self) -> tuple[float, float]:
+        """What the ends of the colours mean [N/mm], by the rule of the live page (page/map.js).
+
+        Not less than a tenth of the value, or two deviations to both sides: tissue that is the
+        same everywhere has one colour, and no pattern of what nobody can know.
+        """
+        where = self.known if self.known.any() else np.ones_like(self.known)
+        shown = self.stiffness[where]
+        low, high = float(shown.min()), float(shown.max())
+        middle = 0.5 * (low + high)
+        usual = float(np.median(shown * self.log_std[where]))
+        half = max(0.5 * (high - low), 0.05 * middle, min(2.0 * usual, middle))
+        return middle - half, middle + half
 
 
 def usual_depth(contacts: Sequence[Contact]) -> float:
@@ -156,10 +176,12 @@ def measured_places(data: RunData, contacts: Sequence[Contact], depth_mm: float)
             break
         cell_mm *= 1.5
     if len(cells) < LEAST_PLACES:
-        known = "no position is recorded" if data.tip is None else f"{len(cells)} are known"
+        known = "no position is recorded (--tip TOPIC names the topic of the tip's position)"
+        if data.tip is not None:
+            places = "1 is" if len(cells) == 1 else f"{len(cells)} are"
+            known = f"{places} known: press at more, half a millimetre apart or farther"
         raise UserError(
-            f"{data.name}: a map needs contacts at {LEAST_PLACES} places at least, and {known}; "
-            "--tip TOPIC names the topic of the tip's position"
+            f"{data.name}: a map needs contacts at {LEAST_PLACES} places at least, and {known}"
         )
     exponent = cells[:, _COLUMN["n"]]
     log_depth = float(np.log(depth_mm))
@@ -277,18 +299,49 @@ def fit_map(places: MeasuredPlaces, seed: int = 0) -> StiffnessMap:
     shape = (len(y), len(x))
     stiffness = np.exp(mean + middle).reshape(shape)
     log_std = deviation.reshape(shape)
-    known = log_std < UNKNOWN_SHARE * prior
+    resolved = log_std < UNKNOWN_SHARE * prior
+    off_level = _level_std(process, grid[:, : inputs.shape[1]]).reshape(shape)
+    whole_std = np.hypot(log_std, off_level)
+    near = _is_near(grid[:, : inputs.shape[1]], inputs).reshape(shape)
+    known = resolved | (near & (whole_std < SURE_STD))
     lengths = tuple(float(v) for v in np.atleast_1d(fitted.k2.length_scale))
     return StiffnessMap(
         x,
         y,
         stiffness,
-        log_std,
+        whole_std,
         known,
         places,
         lengths,
-        _lump(x, y, stiffness, log_std, known, places.position_mm, is_line),
+        _lump(  # compares places: the level is that of both
+            x, y, stiffness, log_std, known, places.position_mm, is_line
+        ),
     )
+
+
+def _level_std(process: Any, grid: Array) -> Array:
+    """Return the deviation of the map for the level around which the tissue varies, (points,).
+
+    The level is the median of what was felt, which the regression takes for exact. It counts as far
+    as the places around a point do not say what its stiffness is themselves (universal kriging;
+    Rasmussen and Williams, section 2.7); that of a median is pi / 2 times the variance of a mean.
+
+    Args:
+        process: the regression, fitted.
+        grid: points, (points, inputs).
+    """
+    white = np.linalg.solve(process.L_, np.ones(len(process.X_train_)))
+    weights = np.linalg.solve(process.L_.T, white)
+    left = 1.0 - process.kernel_.k1(grid, process.X_train_) @ weights
+    return np.asarray(np.abs(left) * np.sqrt(0.5 * np.pi / (white @ white)))
+
+
+def _is_near(grid: Array, felt: Array) -> NDArray[np.bool_]:
+    """Return where something was felt as near as felt places lie to each other, (points,)."""
+    between = cdist(felt, felt)
+    np.fill_diagonal(between, np.inf)
+    spacing = float(np.median(between.min(axis=1)))
+    return np.asarray(cdist(grid, felt).min(axis=1) <= spacing)
 
 
 def _lump(

@@ -58,8 +58,9 @@ def draw_profile(found: StiffnessMap, width: int) -> list[Text]:
     known = np.interp(at, found.x_mm, found.known[0].astype(np.float64)) > 0.5
     values = np.where(known, values, 0.0)
     shown = found.stiffness[found.known]
-    low, high = float(shown.min()), float(shown.max())
-    share = (values - low) / (high - low) if high > low else np.full(width, 0.5)
+    high = float(shown.max())
+    softest, stiffest = found.colour_range
+    share = (values - softest) / (stiffest - softest)
     colours = [_hex(one) for one in np.clip(share, 0.0, 1.0)]
     top = f"stiffness at {found.places.depth_mm:g} mm, up to {high:.2f} N/mm"
     lines = [Text(top, style="dim")]
