@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hc_msgs.msg import TactileSample
+from rclpy.serialization import serialize_message
 
 from hc_logger.definitions import installed_definition
 from hc_logger.errors import BagError, BagExistsError, UnknownTypeError
@@ -195,6 +197,18 @@ def test_info_counts_gaps_and_losses(tmp_path: Path, sample_messages: Any, start
     assert one.rate_hz == pytest.approx(901 / 1.001)
     assert info.custom_data == {"seed": "7"}
     assert info.problems == []
+
+
+def test_losses_of_a_tactile_array_are_counted(tmp_path: Path, start_ns: int) -> None:
+    """Regression: "-", for messages with sequences were no stream of the suite."""
+    with BagWriter(tmp_path / "bag") as writer:
+        topic = writer.add_topic("tactile/sample", "hc_msgs/msg/TactileSample")
+        for k in (*range(100), *range(130, 200)):
+            message = TactileSample(sequence=k, columns=2, displacement=[0.0] * 4, force=[1.0] * 4)
+            message.header.frame_id = "pad"
+            writer.write(topic, start_ns + k * 1_000_000, serialize_message(message))
+    (one,) = bag_info(tmp_path / "bag").topics
+    assert (one.lost, one.repeated_or_backward) == (30, 0)
 
 
 @pytest.mark.parametrize("kind", ["two publishers", "random", "far apart"])

@@ -17,7 +17,7 @@ from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
 from hc_logger.layout import record_dtype
 from hc_logger.mcap_chunk import Messages
-from hc_logger.type_names import SAMPLE_TYPE
+from hc_logger.type_names import SAMPLE_TYPE, TACTILE_TYPES
 from hc_msgs_py.cdr import FRAME_LENGTH_OFFSET, FRAME_OFFSET, aligned
 from hc_msgs_py.histogram import DurationHistogram
 
@@ -176,10 +176,13 @@ def _add(one: _Pass, times: NDArray[np.int64]) -> None:
 
 
 def _sequence_offset(definition: TypeDefinition) -> bool:
-    """Return True if messages of this type begin with a header and a uint64 sequence."""
+    """Return True if messages of this type begin with a header and a uint64 that counts them.
+
+    In messages with many samples it counts those, unless they are of one instant.
+    """
     try:
-        names = record_dtype(definition, 1).names or ()
-    except BagError:  # not of fixed size, so none of the suite's streams
+        names = record_dtype(definition, 1, int(definition.name in TACTILE_TYPES)).names or ()
+    except BagError:  # not of fixed size, so none of the suite's other streams
         return False
     return names[:4] == (
         "header.stamp.sec",

@@ -6,6 +6,7 @@ SAMPLE_TYPE = "hc_msgs/msg/IndenterSample"
 SAMPLES_TYPE = "hc_msgs/msg/IndenterSamples"
 ESTIMATE_TYPE = "hc_msgs/msg/HuntCrossleyEstimate"
 ESTIMATES_TYPE = "hc_msgs/msg/HuntCrossleyEstimates"
+TACTILE_TYPES = ("hc_msgs/msg/TactileSample", "hc_msgs/msg/TactileEstimate")
 CONFIGURATION_TYPE = "hc_msgs/msg/EstimatorConfiguration"
 EVENT_TYPE = "hc_msgs/msg/EstimatorEvent"
 FORCE_TYPE = "geometry_msgs/msg/WrenchStamped"
