@@ -36,3 +36,14 @@ def say_unusable(name: str, recording: Any) -> str:
     if serious:
         print(f"{name}: what each means and what to do: {MEANINGS}", file=sys.stderr)
     return why_unusable((doubt.check.value for doubt in serious), math.nan)
+
+
+def say_unread(name: str, recording: Any) -> None:
+    """Say on standard error what of a bag could not be read: what is made of it lacks that.
+
+    Args:
+        name: what the recording is called.
+        recording: hc_logger.recorded.Recording.
+    """
+    for line in recording.findings.problems:
+        print(f"{name}: {line}", file=sys.stderr)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import itertools
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from hc_bringup.tip_path import TipPath
 from hc_estimator import create_estimator
 from hc_estimator.stream.contacts import ContactTracker
 
+EXAMPLE = Path(__file__).resolve().parents[3] / "bags" / "example"
 MakeRun = Callable[..., Any]
 
 
@@ -206,3 +208,17 @@ def test_a_clock_that_is_set_back_loses_no_contact(make_run: MakeRun, at: float)
     assert all(contact.duration_s > 0.0 for contact in found)
     assert [c.samples for c in found[-2:]] == [c.samples for c in usual[-2:]]
     assert sum(contact.samples for contact in found) == sum(c.samples for c in usual)
+
+
+def test_what_of_a_bag_could_not_be_read_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: the contacts of the part that was there, without a word; the report as well."""
+    shutil.copytree(EXAMPLE, tmp_path / "bag")
+    (tmp_path / "bag" / "metadata.yaml").unlink()
+    (file,) = (tmp_path / "bag").glob("*.mcap")
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    for words in (["contacts", "-o", "contacts.csv"], ["report", "-o", "page.html"]):
+        target = str(tmp_path / words[-1])
+        assert main([words[0], str(tmp_path / "bag"), "-o", target]) == 0
+        assert f"{tmp_path / 'bag'}: {file.name}: cut off at byte" in capsys.readouterr().err

@@ -121,7 +121,7 @@ def run(arguments: argparse.Namespace) -> int:
     from hc_bringup.report.map_file import SUFFIXES
     from hc_bringup.run_data import estimated, recorded
     from hc_bringup.standard_input import name_of
-    from hc_bringup.unusable import say_unusable
+    from hc_bringup.unusable import say_unread, say_unusable
 
     targets = [Path(name) for name in (arguments.output, *arguments.maps) if name is not None]
     if not targets:
@@ -141,6 +141,7 @@ def run(arguments: argparse.Namespace) -> int:
     recording = recording_input.load(arguments)
     if arguments.maps and not recording.is_bag and arguments.output is None:
         raise UserError(_no_place(name_of(arguments)), WRONG_USE)
+    say_unread(name_of(arguments), recording)
     wrong = say_unusable(name_of(arguments), recording)
     tip = tip_source(arguments)
     beside: dict[str, Any] = {}

@@ -32,6 +32,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from hc_bringup.run_data import estimated, recorded
+    from hc_bringup.standard_input import name_of
+    from hc_bringup.unusable import say_unread
     from hc_logger.new_file import new_file
 
     target = Path(arguments.output)
@@ -40,6 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     if target.exists():
         raise UserError(f"{target} exists already: choose another file", WRONG_USE)
     recording = recording_input.load(arguments)
+    say_unread(name_of(arguments), recording)
     data = None if estimate.is_asked_for(arguments) else recorded(recording)
     if data is None:
         data = estimated(recording, estimate.make_estimator(arguments, recording))
