@@ -42,6 +42,7 @@ FORMS: dict[str, Callable[[datetime], str]] = {
     "colon": lambda t: f"{t:%H:%M:%S}:{t.microsecond // 1000:03d}",
     "beside": lambda t: f"{t:%Y/%m/%d};{t:%H:%M:%S.%f}",
     "minutes": lambda t: f"{t:%M:%S.%f}",
+    "half": lambda t: f"{t:%I:%M:%S.%f %p}",
     "spaces": lambda t: f"  {t:%H:%M:%S.%f}Z ",
 }
 
@@ -78,7 +79,7 @@ def test_blocks_give_the_bits_of_single_rows(
     ],
     ids=["midnight", "days", "hours", "beyond_an_hour"],
 )
-@pytest.mark.parametrize("form", ["clock", "beside", "whole_seconds_bare", "zone"])
+@pytest.mark.parametrize("form", ["clock", "beside", "whole_seconds_bare", "zone", "half"])
 def test_midnights_and_pauses_are_those_of_single_rows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, form: str, begun: datetime, step_s: float
 ) -> None:
@@ -100,6 +101,7 @@ def test_midnights_and_pauses_are_those_of_single_rows(
         ("10:00x00.000;1;1", "'10:00x00.000' instead of a number"),
         ("10:00:0/.000;1;1", "'10:00:0/.000' instead of a number"),
         ("10:00:0:.000;1;1", "'10:00:0:.000' instead of a number"),
+        ("10:00:05.000 xm;1;1", "'10:00:05.000 xm' instead of a number"),
         ("10:00:05.000;1;one", "F [N] is 'one' instead of a number"),
         ("10:00:05.000;1", "2 columns, F [N] is number 3"),
     ],

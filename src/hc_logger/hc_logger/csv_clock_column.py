@@ -109,7 +109,7 @@ def _times_s(texts: list[str]) -> NDArray[np.float64] | None:
         some = texts if len(different) == 1 else [texts[place] for place in places]
         found = CLOCK.fullmatch(some[0]) or MINUTES.fullmatch(some[0])
         text = "".join(some)
-        if found is None or found.groupdict().get("half") or not text.isascii():
+        if found is None or not text.isascii():
             return None
         numbers = _numbers(np.frombuffer(text.encode(), np.uint8).reshape(-1, length), found)
         if numbers is None:
@@ -140,6 +140,8 @@ def _numbers(
         most = _LARGEST.get(name) if "hour" in found.groupdict() or name == "second" else None
         if most is not None and (numbers[name] > most).any():
             return None
+    if found.groupdict().get("half") and ((numbers["hour"] < 1) | (numbers["hour"] > 12)).any():
+        return None
     same = characters[:, is_fixed] == characters[0, is_fixed]
     return numbers if same.all() else None
 
@@ -152,5 +154,8 @@ def _seconds(numbers: dict[str, NDArray[np.int64]], found: re.Match[str]) -> NDA
     if "hour" not in groups:
         return np.asarray(minutes_s + (numbers["second"] * scale + numbers["part"]) / scale)
     part_s = numbers["part"] / scale if groups["part"] else numbers["ms"] * 1e-3
-    since_s = HOUR_S * numbers["hour"] + minutes_s + numbers["second"] + part_s
+    hours = numbers["hour"]
+    if groups["half"]:
+        hours = hours % 12 + (12 if groups["half"] in "Pp" else 0)
+    since_s = HOUR_S * hours + minutes_s + numbers["second"] + part_s
     return np.asarray(since_s - zone_s(found))
