@@ -336,12 +336,12 @@ def _level_std(process: Any, grid: Array) -> Array:
     return np.asarray(np.abs(left) * np.sqrt(0.5 * np.pi / (white @ white)))
 
 
-def _is_near(grid: Array, felt: Array) -> NDArray[np.bool_]:
+def _is_near(grid: Array, touched_mm: Array) -> NDArray[np.bool_]:
     """Return where something was felt as near as felt places lie to each other, (points,)."""
-    between = cdist(felt, felt)
+    between = cdist(touched_mm, touched_mm)
     np.fill_diagonal(between, np.inf)
     spacing = float(np.median(between.min(axis=1)))
-    return np.asarray(cdist(grid, felt).min(axis=1) <= spacing)
+    return np.asarray(cdist(grid, touched_mm).min(axis=1) <= spacing)
 
 
 def _lump(
