@@ -106,6 +106,41 @@ def test_a_tissue_that_drifts_goes_on_as_it_was_last(bank_of):
     )
 
 
+def vary(bank, factors):
+    """Let the force of the last contact grow by factors along it, as over an inclusion."""
+    last = slice(bank.history.count - COUNT, bank.history.count)
+    along = np.interp(np.arange(COUNT), np.linspace(0, COUNT, len(factors)), factors)
+    bank.history.points[last]["force"] *= along
+
+
+@pytest.mark.parametrize(
+    ("factors", "end", "before", "chosen"),
+    [
+        ([1.0, 1.1, 1.2, 1.3], 2.0, 0, TREND_ROW),  # over the flank of an inclusion
+        ([1.3, 1.2, 1.1, 1.0], 0.5, 0, FITTED),  # relaxes, for all that is known
+        ([1.3, 1.2, 1.1, 1.0], 0.5, 1, TREND_ROW),  # the other flank
+    ],
+)
+def test_a_tissue_that_became_stiffer_varies_along_the_way(factors, end, before, chosen, bank_of):
+    """Regression of 2026-11-30: at the end of a press over an inclusion K was the mean of all."""
+    both = np.array([1.0, 1.0, 0.0, 0.0])
+    options, bank = bank_of(TREND_ROW, TISSUE + np.log(end) * both, TISSUE + np.log(1.15) * both)
+    vary(bank, factors)
+    bank.judge.stiffened = before
+    lift_off.review(options, bank)
+    assert bank.judge.chosen == chosen
+    assert bank.judge.stiffened == int(end > 1.0 or before)
+
+
+def test_a_stiffness_that_rose_clearly_is_no_relaxation(bank_of):
+    options, bank = bank_of(TREND_ROW, TISSUE, STIFFER)
+    bank.judge.rise = 0.5
+    bank.tool.away_time = lift_off.AWAY_TIME - 0.001
+    lift_off.look(options, bank, 0.002)
+    assert bank.judge.stiffened == 1
+    assert bank.judge.rise == 0.0  # of the contact that is over
+
+
 @pytest.mark.parametrize("why", ["surface", "no fit", "few", "off"])
 def test_nothing_is_asked_without_need(why, bank_of):
     row = SURFACE_ROW if why == "surface" else TREND_ROW

@@ -1,4 +1,4 @@
-"""Least squares over one contact, K to height, against scipy: the fit, and its evidence."""
+"""Least squares over one contact, K to rate, against scipy: the fit, and its evidence."""
 
 import numpy as np
 import pytest
@@ -53,7 +53,7 @@ def cost_by(place, history, values):
     depth, velocity, force, weight = (
         points[name] for name in ("depth", "velocity", "force", "weight")
     )
-    off = np.array([*values, 0.0]) - place.guess
+    off = np.array([*values, 0.0, 0.0]) - place.guess
     squares = weight * (force - law(values, depth, velocity)) ** 2
     return np.sum(squares), off @ place.prior @ off
 
@@ -101,3 +101,56 @@ def test_a_force_that_is_late_by_whole_points_belongs_to_the_motion_before(conta
     assert fitted(settings, place, history) == pytest.approx(squares, rel=1e-9)
     np.testing.assert_allclose(place.values, values, rtol=1e-9)
     assert np.all(history.points[:late]["weight"] == 0.0)  # nobody knows where the tool was then
+
+
+SPACING = 0.04
+
+
+def stiffened(contact, rate):
+    """A press, a rest and back on tissue whose K and B change by a rate [1/s] beneath the tool.
+
+    Without a rest a rate looks like damping: both are what differs between there and back.
+    """
+    settings, place, history = contact
+    points, time = history.points[:COUNT], SPACING * np.arange(COUNT)
+    corners = np.array([-0.2, 0.35, 0.65, 1.2]) * time[-1]
+    depth = np.interp(time, corners, [0.0, 3.0, 3.0, 0.0])
+    speed = 3.0 / (corners[1] - corners[0])
+    velocity = np.select([time < corners[1], time > corners[2]], [speed, -speed], 0.0)
+    points["depth"], points["velocity"], points["time"] = depth, velocity, 5.0 + time
+    force = law([*TISSUE, 0.0], depth, velocity) * np.exp(rate * time)
+    points["force"] = force + 0.01 * np.random.default_rng(3).standard_normal(COUNT)
+    place.square_rate = 0.5**2
+    return settings, place, history
+
+
+@pytest.mark.parametrize("rate", [-0.8, 0.6])
+def test_a_tissue_that_varies_along_the_way_is_known_where_the_tool_is_now(rate, contact):
+    settings, place, history = stiffened(contact, rate)
+    fitted(settings, place, history)
+    assert place.values[place_fit.RATE] == pytest.approx(rate, abs=0.15)
+    place_fit.note_covariance(settings, place)
+    at_first = place.values[:2].copy()
+    covariance = place.covariance.copy()
+    place_fit.carry(place, history, place.values, place.covariance)
+    gone = SPACING * (COUNT - 1)
+    np.testing.assert_allclose(place.values[:2], at_first + gone * place.values[place_fit.RATE])
+    error = place.values[0] - (TISSUE[0] + rate * gone)
+    assert abs(error) < 3.0 * np.sqrt(place.covariance[0, 0])
+    way = np.eye(place_fit.UNKNOWNS)
+    way[:2, place_fit.RATE] = gone
+    np.testing.assert_allclose(place.covariance, way @ covariance @ way.T, rtol=1e-9, atol=1e-15)
+
+
+def test_a_tissue_that_varies_explains_the_press_without_another_place(contact):
+    """Regression of 2026-11-30: what the rate made of the force was another exponent."""
+    settings, place, history = stiffened(contact, 0.8)
+    evidence = {}
+    for square in (0.0, 0.5**2):
+        place.square_rate = square
+        place_prior.set_same(place)
+        place.values[:] = place.guess
+        squares = place_fit.fit(settings, place, history, NOISE, 1.0, 3)
+        evidence[square] = place_fit.log_evidence(settings, place, history, squares, 1.0, SHARE)
+    assert evidence[0.25] > evidence[0.0] + 20.0
+    np.testing.assert_allclose(place.values[2:4], TISSUE[2:4], atol=0.05)

@@ -130,6 +130,7 @@ OWNERS = {
         "multiple_model/another_place",
         "multiple_model/place_fit",
         "multiple_model/place_average",
+        "multiple_model/place_before",
         "multiple_model/place_prior",
         "multiple_model/place_delay",
         "multiple_model/place_change",

@@ -2,7 +2,8 @@
 
 A tool that was in the air comes down elsewhere, wherever a tissue is palpated place by place. So
 what the points of a contact say by themselves is held against what was known in the air before it:
-least squares with the contact position as a fifth unknown, once with the prior that the place is
+least squares with the contact position as a fifth unknown (and where the tissue varies along the
+way, the rate of its stiffness), once with the prior that the place is
 the same, once with one that lets everything go; their evidence decides (`place_fit`). If it is
 another place, every row begins anew with that fit, what was felt before the contact no longer
 counts, and the fit is made anew as the contact goes on, for as long as it explains the force.
@@ -27,13 +28,14 @@ from hc_estimator.linear_algebra import clear_matrix, copy_matrix, copy_vector
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import (
     place_average,
+    place_before,
     place_change,
     place_delay,
     place_fit,
     place_prior,
 )
 from hc_estimator.multiple_model.delay_records import GRID
-from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, OWN, SURFACE
+from hc_estimator.multiple_model.hypotheses import OWN, SURFACE
 from hc_estimator.multiple_model.kalman import force_at, probability
 from hc_estimator.multiple_model.local_polynomial import TOUCHING
 from hc_estimator.multiple_model.model_error import THRESHOLD
@@ -55,7 +57,6 @@ MORE = 1.25  # times as many points at which it is asked again
 DOUBTED = 0.3  # share of an alarm from which on it is asked
 LIKELIER = 20.0  # logarithm of the evidence by which it is another place
 LIKELIER_AGAIN = 5.0  # the same once there was one
-UNKNOWN_DEVIATIONS = (3.0, 3.0, 1.0, 0.3)  # of ln K, ln B, n and p where nothing is known of them
 
 
 @compiled
@@ -67,6 +68,7 @@ def reset(place: Any) -> None:
     place.found = 0
     place.level = 0
     place.contacts = 0
+    place.square_rate = 0.0
     place_delay.reset(place)
     forget_fits(place)
 
@@ -93,6 +95,7 @@ def begin_in_step(place: Any) -> None:
     forget_fits(place)
     place.known = 1
     place.row = 0
+    place.square_rate = 0.0
     copy_vector(place.outcome, place.before)
     copy_matrix(place.covariance, place.before_covariance)
 
@@ -127,6 +130,7 @@ def look(settings: Any, bank: Any) -> bool:
             return False
         before = place.away
         place.away += finder.grid_step
+        place_before.let_vary(bank)
         if not (before <= OUT_TIME and place.away > OUT_TIME):
             return False
         last = place.is_other != 0 and history.count > place.last
@@ -134,7 +138,7 @@ def look(settings: Any, bank: Any) -> bool:
         end(place)
         _note_end(bank)
         if not last:
-            _note_before(settings, bank)
+            place_before.note(settings, bank)
             place_delay.learn(settings, bank)
         return last
     if place.away > OUT_TIME:
@@ -213,31 +217,6 @@ def _note_end(bank: Any) -> None:
         place.ended += 1
         place.fitting += 1 if fits else 0
         place.fitting_in_a_row = place.fitting_in_a_row + 1 if fits else 0
-
-
-@compiled
-def _note_before(settings: Any, bank: Any) -> None:
-    """What is known of the place that the tool was at.
-
-    Where the law did not fit most contacts that is nothing, for the first points of a contact are
-    fitted by any law: of a whole contact it is asked then whether another height explains it.
-    """
-    place, row = bank.place, bank.rows[bank.judge.chosen]
-    place.unknown = 1 if place.ended > 0 and 2 * place.fitting <= place.ended else 0
-    place.known = 1 if not SURFACE[row.index] and bank.change.testing == 0 else 0
-    place.row = row.index
-    place.joint = 0
-    clear_matrix(place.before_covariance)
-    for i in range(4):
-        place.before[i] = row.state[LOG_STIFFNESS + i]
-        for j in range(4):
-            element = row.covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + j]
-            place.before_covariance[i, j] = element
-        if place.unknown != 0:
-            place.before_covariance[i, i] += UNKNOWN_DEVIATIONS[i] ** 2
-    place.before[POSITION] = 0.0
-    deviation = max(bank.onset.position_deviation, settings.contact_position_std)
-    place.before_covariance[POSITION, POSITION] = deviation * deviation
 
 
 @compiled
@@ -322,12 +301,14 @@ def _fit_other(settings: Any, bank: Any, noise: tuple[float, float, float]) -> t
     place_fit.note_covariance(settings, place)
     copy_vector(place.values, place.outcome_elsewhere)
     copy_matrix(place.covariance, place.covariance_elsewhere)
+    place_fit.carry(place, history, place.outcome_elsewhere, place.covariance_elsewhere)
     known = place.before_covariance[POSITION, POSITION]
     place_prior.set_other(place, known + place_prior.UNEVEN**2)
     place.values[POSITION] = place.guess[POSITION]
     level = _evidence(settings, place, history, noise, weight, 2)
     place_fit.note_covariance(settings, place)
     copy_vector(place.values, place.outcome)
+    place_fit.carry(place, history, place.outcome, place.covariance)
     odds = math.log((1.0 + place.level) / (1.0 + place.found - place.level))
     place_average.join(place, probability(elsewhere - level - odds))
     return weight, max(level, elsewhere)
@@ -366,12 +347,14 @@ def is_to_be_called(settings: Any, bank: Any) -> bool:
     place = bank.place
     place.before[POSITION] -= place.outcome[POSITION]
     place.outcome[POSITION] = 0.0
-    is_called = place.called == 0 and place_change.is_one(settings, bank)
+    is_called = (
+        place.called == 0 and place.square_rate == 0.0 and place_change.is_one(settings, bank)
+    )
     if is_called:
         place.called = 1
     if place.unknown != 0:
         forget_fits(place)
     if place.testing == 0:  # the contact is over
-        _note_before(settings, bank)
+        place_before.note(settings, bank)
         place_delay.learn(settings, bank)
     return is_called

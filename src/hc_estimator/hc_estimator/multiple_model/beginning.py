@@ -87,6 +87,7 @@ def start(settings: Any, bank: Any) -> None:
         row.active = 1 if is_tried(settings, m) and not WAITS[m] else 0
         reset(settings, row, 0.0)
     _choose_anew(bank)
+    maneuvers.reset(bank.maneuver)
     histories.reset(bank.history)
     contact_onset.restart(bank.onset)
     air_zero.reset(bank.air)
@@ -99,7 +100,7 @@ def _choose_anew(bank: Any) -> None:
     """Forget which row predicted best, and what was under test or remembered of them."""
     judging.reset(bank.judge)
     changes.reset(bank.change, bank.rows)
-    maneuvers.reset(bank.maneuver)
+    maneuvers.forget_rows(bank.maneuver)
     moving_fit.reset(bank.moving)
 
 

@@ -182,6 +182,8 @@ COUNTS = np.array([OWN + row.own for row in ROWS])
 WALKS = np.array([row.walks for row in ROWS])
 SURFACE = np.array([row.surface for row in ROWS])
 BIASED = np.array([row.biased for row in ROWS])
+# Rows whose stiffness has a rate of its own, over a surface that stays.
+VARIES = ~SURFACE & np.array([any(own[0] != 0.0 for own in row.drives) for row in ROWS])
 WAITS = np.array([row.waits for row in ROWS])
 RESERVE = np.array([row.reserve for row in ROWS])
 REFINED_FROM = np.array([row.refines for row in ROWS])

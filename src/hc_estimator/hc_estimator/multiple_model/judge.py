@@ -42,6 +42,7 @@ from hc_estimator.multiple_model.hypotheses import (
     LOG_STIFFNESS,
     OWN,
     SURFACE,
+    VARIES,
     VELOCITY,
     VELOCITY_EXPONENT,
 )
@@ -58,6 +59,9 @@ FIRST_WEIGHT = 0.3  # of the scores, before they count
 LIKELIHOOD_TIME = 1.0  # time constant of the log likelihoods [s]
 SURE = 5.0  # deviations of the force sensor beyond which there is a force
 PRESSED = 0.1  # of the largest force: more than a zero that moved [-]
+STEEP = 4.0  # deviations of a rate of ln K that is clearly none
+STIFFER = 0.3  # rise of ln K within a contact that is no relaxation
+STEEP_MEMORY = 10.0  # time in contact for which one is remembered [s]
 WORSE = 4.0  # mean square over the chosen row's from which on a misfitting row is seeded anew
 SEEDED_AFTER = 0.5  # time that a row may stay so [s]
 
@@ -72,6 +76,10 @@ def reset(judge: Any) -> None:
     judge.known = 0.0
     judge.pressed = 0
     judge.varying = 0
+    judge.stiffened = 0
+    judge.steep_time = 0.0
+    judge.rise = 0.0
+    judge.square_rate = 0.0
     clear_matrix(judge.spread)
     judge.found = 0
     judge.needed_time = 0.0
@@ -229,10 +237,45 @@ def learn(settings: Any, bank: Any) -> None:
         if judge.chosen > FITTED and likelier > REFUTED and clock > REFUTED_AFTER:
             judge.varying = judge.chosen
             judge.varied_at = clock
+        _learn_rate(judge, rows[judge.chosen], likelier)
         _seed_anew(judge, rows, clock, judge.waited)
         reserve.review(settings, bank)
         spread.find(settings, judge, rows, clock)
     judge.waited = 0.0
+
+
+@compiled
+def _learn_rate(judge: Any, row: Any, likelier: float) -> None:
+    """Does the tissue vary along the way, by the row in charge, and has it become stiffer?
+
+    Args:
+        judge: changed.
+        row: in charge.
+        likelier: logarithm of its likelihood ratio to constant tissue.
+    """
+    judge.steep_time *= max(1.0 - judge.waited / STEEP_MEMORY, 0.0)
+    if row.model_error > 0.0:  # then that does not explain it
+        judge.steep_time = 0.0
+    elif VARIES[row.index] and likelier > REFUTED:
+        rate, variance = row.state[OWN], row.covariance[OWN, OWN]
+        if rate * rate > STEEP * STEEP * variance:
+            judge.steep_time += judge.waited
+            judge.rise += max(rate, 0.0) * judge.waited
+            judge.square_rate = rate * rate + variance
+
+
+@compiled
+def note_stiffened(judge: Any) -> None:
+    """The tissue became stiffer within a contact: it varies, for none that relaxes does."""
+    judge.stiffened = 1
+
+
+@compiled
+def end_contact(judge: Any) -> None:
+    """The tool has left: has the tissue become stiffer meanwhile, by the rates of ln K?"""
+    if judge.rise > STIFFER:
+        note_stiffened(judge)
+    judge.rise = 0.0
 
 
 @compiled

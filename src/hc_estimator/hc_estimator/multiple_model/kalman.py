@@ -160,6 +160,15 @@ def _forget_rates(row: Any, kept: float) -> None:
 
 
 @compiled
+def let_stiffness_vary(row: Any, variance: float) -> None:
+    """Let ln K and ln B, which follows it, be less known by a variance."""
+    for i in (LOG_STIFFNESS, LOG_DAMPING):
+        for j in (LOG_STIFFNESS, LOG_DAMPING):
+            if row.covariance[i, i] > 0.0 and row.covariance[j, j] > 0.0:  # else held fixed
+                row.covariance[i, j] += variance
+
+
+@compiled
 def predict(row: Any, elapsed: float, density: float, goes_on: bool, away: bool) -> None:
     """Constant acceleration with white jerk; parameters that walk or follow the own states.
 

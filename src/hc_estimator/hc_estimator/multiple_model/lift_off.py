@@ -20,7 +20,7 @@ from hc_estimator.multiple_model.hypotheses import (
     FITTED,
     SURFACE,
 )
-from hc_estimator.multiple_model.kalman import squared_forces, squares_left
+from hc_estimator.multiple_model.kalman import force_at, squared_forces, squares_left
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.specification import ParameterSpecification
 
@@ -40,6 +40,10 @@ FEWEST = 12  # points
 # both as RMS. A tissue that drifts was not at its end what it had been, either, but not far off.
 CLEARLY = 0.3
 FAR_OFF = 0.3
+# Squares left by the fit over those of the forces, as RMS, up to which it explains the contact, and
+# it was the row that went astray. Where it leaves more, the tissue may have become stiffer along
+# the way, which none that relaxes does: then it varies, also where it becomes softer.
+EXPLAINED = 0.03
 
 
 @compiled
@@ -47,6 +51,7 @@ def look(settings: Any, bank: Any, elapsed: float) -> None:
     """Ask once, when the tool has been away for `AWAY_TIME` after another time [s]."""
     away = bank.tool.away_time
     if away < AWAY_TIME and away + elapsed >= AWAY_TIME:
+        judging.end_contact(bank.judge)
         review(settings, bank)
 
 
@@ -74,9 +79,25 @@ def review(settings: Any, bank: Any) -> None:
     if history.fitted != 0:  # the row itself may have begun anew with the chosen one since
         batch_fit.give(history, rows[0], fitted)
     largest = CLEARLY**2 * left if fits else left
-    if squares_left(settings, points, first, last, fitted) > largest:
+    by_fit = squares_left(settings, points, first, last, fitted)
+    if by_fit > largest:
         return
+    if by_fit > EXPLAINED**2 * squared_forces(points, first, last):
+        if not _has_let_go(settings, points, first, last, chosen):
+            judging.note_stiffened(judge)
+        if judge.stiffened != 0:
+            return
     judging.go_on_with_fit(judge, rows, bank.tool.contact_clock)
+
+
+@compiled
+def _has_let_go(settings: Any, points: Any, first: int, last: int, row: Any) -> bool:
+    """True if the tissue resisted more in the contact that is over than a row says of its end."""
+    total = 0.0
+    for i in range(first, last):
+        point = points[i % POINTS]
+        total += point.force - force_at(settings, row, point.depth, point.velocity)
+    return total > 0.0
 
 
 @compiled

@@ -75,7 +75,16 @@ LONG_AGO = 1e9
 
 @compiled
 def reset(maneuver: Any) -> None:
-    """No maneuver so far."""
+    """No maneuver so far, and nothing is known of how the tool moves."""
+    forget_rows(maneuver)
+    maneuver.square_speed = 0.0
+    maneuver.square_acceleration = 0.0
+    maneuver.departed = LONG_AGO
+
+
+@compiled
+def forget_rows(maneuver: Any) -> None:
+    """The rows have begun anew: there is nothing to go back to. How the tool moves is known."""
     maneuver.count = 0
     maneuver.waited = 0
     maneuver.since = LONG_AGO
@@ -83,9 +92,6 @@ def reset(maneuver: Any) -> None:
     maneuver.doubted = 0
     maneuver.density = 0.0
     maneuver.alarm_since = 0.0
-    maneuver.square_speed = 0.0
-    maneuver.square_acceleration = 0.0
-    maneuver.departed = LONG_AGO
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""Least squares over the points of one contact: K, B, n, p, where the contact begins, and a delay.
+"""Least squares over the points of one contact: K, B, n, p, where it begins, a delay, and a rate.
 
 With a prior that is normal in all of them, so that the evidence of a fit follows from two
 determinants (MacKay, Neural Computation 4, 1992) and two priors can be compared by it
@@ -36,8 +36,10 @@ from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import is_held
 from hc_estimator.multiple_model.spline_motion import place_of
 
-POSITION, DELAY = 4, 5  # of the unknowns ln K, ln B, n, p, contact position and delay
-UNKNOWNS = 6
+# Of the unknowns ln K and ln B at the first point, n, p, contact position, delay, and the rate of
+# ln K and ln B beneath a tool that moves along tissue that varies [1/s].
+POSITION, DELAY, RATE = 4, 5, 6
+UNKNOWNS = 7
 MOST_STEPS = 20
 BEFORE = 0.1  # of the points' way, before which the force is assumed to have begun
 
@@ -47,6 +49,8 @@ def is_fixed(settings: Any, place: Any, i: int) -> bool:
     """True if an unknown is none."""
     if i == DELAY:
         return bool(place.late == 0)
+    if i == RATE:
+        return bool(place.square_rate == 0.0)
     if i == POSITION:
         return bool(settings.find_zeros == 0)
     return bool(is_held(settings, i))
@@ -62,10 +66,23 @@ def _moved_at(place: Any, history: Any, k: int) -> int:
 
 
 @compiled
+def _stiffness_at(values: Any, gone: float) -> float:
+    """K some time [s] after the first point."""
+    return exp_limited(values[0] + gone * values[RATE])
+
+
+@compiled
+def _damping_at(values: Any, gone: float) -> float:
+    """B some time [s] after the first point."""
+    return exp_limited(values[1] + gone * values[RATE])
+
+
+@compiled
 def _law(settings: Any, place: Any, values: Any, history: Any, point: Any) -> float:
     """Force of a point [N]; place.slopes are its derivatives by the unknowns."""
     slopes, gradient = place.slopes, place.gradient
-    stiffness, damping = exp_limited(values[0]), exp_limited(values[1])
+    gone = point.time - place.begin
+    stiffness, damping = _stiffness_at(values, gone), _damping_at(values, gone)
     velocity, acceleration = velocity_at(history, point), point.motion_acceleration
     velocity -= values[DELAY] * acceleration
     depth = (
@@ -79,6 +96,7 @@ def _law(settings: Any, place: Any, values: Any, history: Any, point: Any) -> fl
         slopes[i] = gradient[2 + i]
     slopes[POSITION] = -gradient[0]
     slopes[DELAY] = -gradient[0] * velocity - gradient[1] * acceleration
+    slopes[RATE] = gone * (slopes[0] + slopes[1])
     return force
 
 
@@ -105,7 +123,8 @@ def weigh(
         own += value_noise(motion.degree) * gradient[0] * gradient[0] * noise[0]
         own = noise[2] * own + drag * history.velocity_std[OF_FIT] ** 2
         variance += drag * history.velocity_noise[OF_FIT]
-        law = (exp_limited(values[0]), exp_limited(values[1]), values[2], values[3])
+        gone = motion.time - place.begin
+        law = (_stiffness_at(values, gone), _damping_at(values, gone), values[2], values[3])
         velocity = velocity_at(history, motion) - values[DELAY] * motion.motion_acceleration
         depth = motion.depth - values[POSITION] - values[DELAY] * velocity
         deviation = history.velocity_std[OF_FIT]
@@ -208,6 +227,7 @@ def _begin_of_force(place: Any, history: Any) -> float:
 def begin(settings: Any, place: Any, history: Any) -> None:
     """Begin where the prior does, but at the height and with the stiffness that the force shows."""
     values = place.values
+    place.begin = history.points[place.first % POINTS].time
     copy_vector(place.guess, values)
     if not is_fixed(settings, place, POSITION):
         values[POSITION] = min(0.0, _begin_of_force(place, history))
@@ -246,6 +266,7 @@ def fit(
         Weighted sum of squares; NaN if it broke down.
     """
     squares = math.nan
+    place.begin = history.points[place.first % POINTS].time
     for _ in range(max(passes, 1)):
         if passes > 0:
             weigh(settings, place, history, noise)
@@ -312,6 +333,20 @@ def note_covariance(settings: Any, place: Any) -> None:
             element = 0.0 if is_fixed(settings, place, j) else column[j]
             place.covariance[i, j] = element
             place.covariance[j, i] = element
+
+
+@compiled
+def carry(place: Any, history: Any, values: Any, covariance: Any) -> None:
+    """Bring ln K and ln B of a fit, and their covariance, to its last point."""
+    gone = history.points[(place.last - 1) % POINTS].time - place.begin
+    if place.square_rate == 0.0:
+        return
+    for i in range(2):
+        values[i] += gone * values[RATE]
+        for j in range(UNKNOWNS):
+            covariance[i, j] += gone * covariance[RATE, j]
+        for j in range(UNKNOWNS):
+            covariance[j, i] += gone * covariance[j, RATE]
 
 
 @compiled

@@ -11,7 +11,7 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_matrix, copy_vector
 from hc_estimator.multiple_model import place_fit
-from hc_estimator.multiple_model.place_fit import DELAY, POSITION
+from hc_estimator.multiple_model.place_fit import DELAY, POSITION, RATE
 
 OUT_TIME = 0.05  # without a force, though there is one by the law, before a contact is new [s]
 FEWEST = 6  # points of a contact
@@ -73,6 +73,8 @@ def _set_known(place: Any, known: Any, height_variance: float, jointly: bool) ->
         place.seen[POSITION, POSITION] = height_variance
         place.seen[DELAY, DELAY] = max(place.delay_doubt, LEAST_VARIANCE)
         place.guess[DELAY] = 0.0
+    place.seen[RATE, RATE] = max(place.square_rate, LEAST_VARIANCE)
+    place.guess[RATE] = 0.0
     place_fit.invert(place.seen, place)
 
 
@@ -90,11 +92,13 @@ def set_other(place: Any, height_variance: float) -> None:
         prior[i, i] = 1.0 / (DEVIATIONS[i] ** 2 + before[i, i])
     prior[POSITION, POSITION] = 1.0 / max(height_variance, LEAST_VARIANCE)
     prior[DELAY, DELAY] = 1.0 / max(place.delay_doubt, LEAST_VARIANCE)
+    prior[RATE, RATE] = 1.0 / max(place.square_rate, LEAST_VARIANCE)
     # That of B is one of B / K.
     prior[0, 0] += prior[1, 1]
     prior[0, 1] = prior[1, 0] = -prior[1, 1]
     copy_vector(place.before, place.guess)
     place.guess[DELAY] = place.delay if place.joint != 0 else 0.0
+    place.guess[RATE] = 0.0
 
 
 @compiled

@@ -8,15 +8,15 @@ from hc_estimator.memory import Field, record_type
 from hc_estimator.multiple_model.hypotheses import ROWS
 from hc_estimator.multiple_model.spline_records import LARGEST_SHIFT
 
-SIX = 6  # ln K, ln B, n, p, contact position, delay
+SEVEN = 7  # ln K, ln B, n, p, contact position, delay, rate of ln K
 
 PLACE = record_type(
     (
         Field("away", np.float64, (), 0.0),  # time since a force was felt [s]
         Field("known", np.int64, (), 0, 1),  # 1 if `before` is what was known in the air
         Field("unknown", np.int64, (), 0, 1),  # 1 if nothing that was known can be believed
-        Field("before", np.float64, (SIX,)),
-        Field("before_covariance", np.float64, (SIX, SIX)),
+        Field("before", np.float64, (SEVEN,)),
+        Field("before_covariance", np.float64, (SEVEN, SEVEN)),
         Field("joint", np.int64, (), 0, 1),  # 1 if both are beside an unknown delay
         Field("testing", np.int64, (), 0, 1),  # 1 while it is asked of the present contact
         Field("is_other", np.int64, (), 0, 1),  # 1 once it is another place
@@ -30,6 +30,9 @@ PLACE = record_type(
         Field("fitting", np.int64, (), 0),  # of which the law fitted so many at their end
         Field("fitting_in_a_row", np.int64, (), 0),  # the latest of them
         Field("late", np.int64, (), 0, 1),  # 1 while the delay is an unknown
+        # Mean square of the rate of ln K, of tissue that varies; 0: it does not [1/s^2].
+        Field("square_rate", np.float64, (), 0.0),
+        Field("begin", np.float64, (), 0.0),  # of the points of a fit [s]
         Field("delay_doubt", np.float64, (), 0.0),  # variance of the one in use; 0: none is [s^2]
         Field("delay", np.float64),  # by the contacts that are over [s]
         Field("delay_precision", np.float64, (), 0.0),  # [1/s^2]
@@ -47,25 +50,25 @@ PLACE = record_type(
         Field("shift", np.int64, (), -LARGEST_SHIFT, LARGEST_SHIFT),  # of the motion by points
         Field("spacing", np.float64, (), 0.0),  # time between two points [s]
         Field("expected", np.float64, (), 0.0),  # squares where only noise is left
-        Field("guess", np.float64, (SIX,)),
-        Field("prior", np.float64, (SIX, SIX)),  # precision
-        Field("values", np.float64, (SIX,)),
+        Field("guess", np.float64, (SEVEN,)),
+        Field("prior", np.float64, (SEVEN, SEVEN)),  # precision
+        Field("values", np.float64, (SEVEN,)),
         # Of the fit at the old height and of that at another one, and then of the likelier.
-        Field("outcome", np.float64, (SIX,)),
-        Field("outcome_elsewhere", np.float64, (SIX,)),
-        Field("covariance_elsewhere", np.float64, (SIX, SIX)),
+        Field("outcome", np.float64, (SEVEN,)),
+        Field("outcome_elsewhere", np.float64, (SEVEN,)),
+        Field("covariance_elsewhere", np.float64, (SEVEN, SEVEN)),
         Field("conditional", np.float64, (4, 4)),  # covariance at that height
         Field("doubt", np.float64, (4, 4)),  # what the height leaves open
         Field("height_deviation", np.float64, (), 0.0),  # [mm]
         Field("is_level", np.int64, (), 0, 1),  # 1 if the height is the old one
-        Field("next", np.float64, (SIX,)),
-        Field("slope", np.float64, (SIX,)),
-        Field("pull", np.float64, (SIX,)),
-        Field("slopes", np.float64, (SIX,)),
+        Field("next", np.float64, (SEVEN,)),
+        Field("slope", np.float64, (SEVEN,)),
+        Field("pull", np.float64, (SEVEN,)),
+        Field("slopes", np.float64, (SEVEN,)),
         Field("gradient", np.float64, (6,)),
-        Field("seen", np.float64, (SIX, SIX)),
-        Field("information", np.float64, (SIX, SIX)),
-        Field("factor", np.float64, (SIX, SIX)),
-        Field("covariance", np.float64, (SIX, SIX)),
+        Field("seen", np.float64, (SEVEN, SEVEN)),
+        Field("information", np.float64, (SEVEN, SEVEN)),
+        Field("factor", np.float64, (SEVEN, SEVEN)),
+        Field("covariance", np.float64, (SEVEN, SEVEN)),
     )
 )

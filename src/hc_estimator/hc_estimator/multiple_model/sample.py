@@ -33,6 +33,7 @@ from hc_estimator.multiple_model import (
     plausible,
     readings,
     report,
+    spread,
     tempering,
     unknown_velocity,
 )
@@ -41,12 +42,20 @@ from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model import maneuver as maneuvers
 from hc_estimator.multiple_model.choice import WAIT
-from hc_estimator.multiple_model.hypotheses import DEPTH, FITTED, FRESH, SURFACE, SURFACE_ROW
+from hc_estimator.multiple_model.hypotheses import (
+    DEPTH,
+    FITTED,
+    FRESH,
+    SURFACE,
+    SURFACE_ROW,
+    VARIES,
+)
 from hc_estimator.multiple_model.kalman import (
     HOLD_ALL,
     depth_of,
     innovate_force,
     innovate_nothing,
+    let_stiffness_vary,
     predict,
     use_displacement,
     use_force,
@@ -221,6 +230,7 @@ def _predict(settings: Any, bank: Any) -> None:
     density = motion_density.jerk_density(settings, bank.motion)
     goes_on = bank.tool.away_time < AWAY_TIME
     away = bank.tool.away_time > 0.0
+    variance = spread.growth_in_air(bank.judge, bank.tool, clock.elapsed) if goes_on else 0.0
     displacement = readings.last_displacement(bank)
     for m in range(bank.rows.shape[0]):
         row = bank.rows[m]
@@ -231,6 +241,8 @@ def _predict(settings: Any, bank: Any) -> None:
         else:
             jerk = maneuvers.jerk_density(bank.maneuver, row, clock.period, density)
             predict(row, clock.elapsed, jerk, goes_on or SURFACE[m], away)
+            if variance > 0.0 and VARIES[m]:
+                let_stiffness_vary(row, variance)
     if anew:
         clock.restart = 1
         bank.motion_anew = 0
@@ -245,8 +257,8 @@ def _hold(settings: Any, bank: Any, row: Any) -> int:
     The air says nothing of the tissue; without this the parameters would go on following the
     displacement through what is left of their correlation with the motion.
     """
-    spread = FREE_DEVIATIONS * math.sqrt(row.covariance[DEPTH, DEPTH])
-    if row.state[DEPTH] + spread <= 0.0 and not SURFACE[row.index]:
+    reach = FREE_DEVIATIONS * math.sqrt(row.covariance[DEPTH, DEPTH])
+    if row.state[DEPTH] + reach <= 0.0 and not SURFACE[row.index]:
         return HOLD_ALL
     return unknown_velocity.hold(settings, bank.maneuver, row, bank.clock.period)
 
@@ -338,6 +350,7 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
         lift_off.look(settings, bank, clock.elapsed)
         tool.away_time += clock.elapsed
         chosen = rows[bank.judge.chosen]
+        spread.find_in_air(settings, bank.judge, rows, tool.contact_clock)
     _correct_density(settings, bank, chosen)
     turning = maneuvers.is_turning(bank.maneuver, chosen, clock.period)
     if touching and clock.present[1] != 0 and not turning:

@@ -16,6 +16,7 @@ from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_matrix
 from hc_estimator.multiple_model.choice import REFUTED, explains, steadiest_nis
 from hc_estimator.multiple_model.hypotheses import FITTED, FRESH, LOG_STIFFNESS
+from hc_estimator.multiple_model.kalman import RATE_MEMORY
 from hc_estimator.specification import ParameterSpecification
 
 SPECIFICATIONS = (
@@ -28,6 +29,7 @@ SPECIFICATIONS = (
 )
 
 VARIED_FOR = 10.0  # time in contact for which tissue that varied may vary again [s]
+STEEP_FOR = 0.3  # time in contact with a rate that is clearly none, after which it varies [s]
 # Logarithm of the largest odds of another row: the chosen one was chosen for its predictions.
 LARGEST_ODDS = 3.0
 
@@ -63,8 +65,47 @@ def find(settings: Any, judge: Any, rows: Any, clock: float) -> None:
                 spread[i, j] /= total
     # Between two inclusions constant tissue explains the force again, and a row of constant
     # tissue is very sure of itself; that the tissue varies is not forgotten with it.
-    if is_calm and judge.varying > 0 and clock - judge.varied_at < VARIED_FOR:
+    if is_calm and varied_lately(judge, clock):
         _add_distance(spread, row, rows[judge.varying], 1.0)
+
+
+@compiled
+def find_in_air(settings: Any, judge: Any, rows: Any, clock: float) -> None:
+    """The same where nothing is felt: what varied may be another tissue at the next contact."""
+    if judge.chosen > FITTED or not varies(judge, clock) or settings.mixture_covariance == 0:
+        return
+    clear_matrix(judge.spread)
+    _add_distance(judge.spread, rows[judge.chosen], rows[judge.varying], 1.0)
+    _add_own(judge.spread, rows[judge.varying], 1.0)
+
+
+@compiled
+def growth_in_air(judge: Any, tool: Any, elapsed: float) -> float:
+    """Variance that ln K gains in a time in the air [s], beneath a tool that may move along tissue.
+
+    A rate as large as the one that was felt, of a piece for `RATE_MEMORY` only, makes a random walk
+    of ln K. Not in a tap, which is over before that.
+    """
+    if not (tool.away_time > RATE_MEMORY and varies(judge, tool.contact_clock)):
+        return 0.0
+    return 2.0 * RATE_MEMORY * judge.square_rate * elapsed  # type: ignore[no-any-return]
+
+
+@compiled
+def varies(judge: Any, clock: float) -> bool:
+    """True if the tissue varied lately, and clearly along the way."""
+    return bool(varied_lately(judge, clock) and judge.steep_time > STEEP_FOR)
+
+
+@compiled
+def varied_lately(judge: Any, clock: float) -> bool:
+    """True if the tissue varied so lately that it may vary again.
+
+    Args:
+        judge: record of the judge.
+        clock: contact clock [s].
+    """
+    return bool(judge.varying > 0 and clock - judge.varied_at < VARIED_FOR)
 
 
 @compiled
