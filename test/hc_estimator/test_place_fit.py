@@ -154,3 +154,14 @@ def test_a_tissue_that_varies_explains_the_press_without_another_place(contact):
         evidence[square] = place_fit.log_evidence(settings, place, history, squares, 1.0, SHARE)
     assert evidence[0.25] > evidence[0.0] + 20.0
     np.testing.assert_allclose(place.values[2:4], TISSUE[2:4], atol=0.05)
+
+
+def test_a_rate_of_a_fit_before_does_not_stay(contact):
+    settings, place, history = contact
+    squares = fitted(settings, place, history)
+    values = place.values.copy()
+    place.values[place_fit.RATE] = 0.7
+    # The weights are those of the law found before: not quite the same.
+    assert place_fit.fit(settings, place, history, NOISE, 1.0, 3) == pytest.approx(squares, rel=0.01)
+    assert place.values[place_fit.RATE] == 0.0
+    np.testing.assert_allclose(place.values, values, atol=0.02)

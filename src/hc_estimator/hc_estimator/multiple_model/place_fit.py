@@ -267,6 +267,8 @@ def fit(
     """
     squares = math.nan
     place.begin = history.points[place.first % POINTS].time
+    if is_fixed(settings, place, RATE):  # it may be left of a fit to tissue that varied
+        place.values[RATE] = 0.0
     for _ in range(max(passes, 1)):
         if passes > 0:
             weigh(settings, place, history, noise)
