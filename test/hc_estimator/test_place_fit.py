@@ -162,6 +162,8 @@ def test_a_rate_of_a_fit_before_does_not_stay(contact):
     values = place.values.copy()
     place.values[place_fit.RATE] = 0.7
     # The weights are those of the law found before: not quite the same.
-    assert place_fit.fit(settings, place, history, NOISE, 1.0, 3) == pytest.approx(squares, rel=0.01)
+    assert place_fit.fit(settings, place, history, NOISE, 1.0, 3) == pytest.approx(
+        squares, rel=0.01
+    )
     assert place.values[place_fit.RATE] == 0.0
     np.testing.assert_allclose(place.values, values, atol=0.02)
