@@ -226,7 +226,6 @@ def test_readings_that_are_stamped_on_arrival_are_estimated_at_even_times(arrive
     assert again == stiffness
 
 
-@pytest.mark.timeout(300)  # 62 s alone, nearly all in the search for a channel that is interpolated
 def test_who_says_that_stamps_are_of_measurement_is_believed(arrived, capsys):
     both = [w for name in ("force", "position") for w in ("--input", f"{name}.stamps=measured")]
     stiffness, said = stiffness_of(["estimate", str(arrived), *both], capsys)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dptsv
 
 FloatArray = NDArray[np.float64]
 _RIDGE = 1e-11
@@ -54,7 +55,18 @@ def misfits(
 
 
 def _solve(diagonal: FloatArray, beside: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve symmetric tridiagonal equations, shape (m, size) each, by elimination."""
+    """Solve symmetric tridiagonal equations, shape (m, size) each.
+
+    Nothing lies beside a last element: all m are one system of m size unknowns (LAPACK's dptsv).
+    """
+    solution, info = dptsv(diagonal.ravel(), beside.ravel()[:-1], right.ravel())[2:]
+    if info == 0:
+        return np.asarray(solution, np.float64).reshape(right.shape)
+    return _eliminate(diagonal, beside, right)  # not positive, by rounding
+
+
+def _eliminate(diagonal: FloatArray, beside: FloatArray, right: FloatArray) -> FloatArray:
+    """The same by elimination, with pivots that are positive in any case."""
     size = diagonal.shape[1]
     pivots = np.ascontiguousarray(diagonal.T)
     upper = np.ascontiguousarray(beside.T)
