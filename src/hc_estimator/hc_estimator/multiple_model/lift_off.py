@@ -73,8 +73,9 @@ def review(settings: Any, bank: Any) -> None:
         return
     points, last = history.points, history.count
     left = squares_left(settings, points, first, last, chosen)
+    forces = squared_forces(points, first, last)
     fits = chosen.model_error == 0.0  # what does not fit claims nothing
-    if fits and left < FAR_OFF**2 * squared_forces(points, first, last):
+    if fits and left < FAR_OFF**2 * forces:
         return
     if history.fitted != 0:  # the row itself may have begun anew with the chosen one since
         batch_fit.give(history, rows[0], fitted)
@@ -82,7 +83,7 @@ def review(settings: Any, bank: Any) -> None:
     by_fit = squares_left(settings, points, first, last, fitted)
     if by_fit > largest:
         return
-    if by_fit > EXPLAINED**2 * squared_forces(points, first, last):
+    if by_fit > EXPLAINED**2 * forces:
         if not _has_let_go(settings, points, first, last, chosen):
             judging.note_stiffened(judge)
         if judge.stiffened != 0:

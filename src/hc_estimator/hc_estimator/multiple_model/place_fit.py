@@ -66,15 +66,9 @@ def _moved_at(place: Any, history: Any, k: int) -> int:
 
 
 @compiled
-def _stiffness_at(values: Any, gone: float) -> float:
-    """K some time [s] after the first point."""
-    return exp_limited(values[0] + gone * values[RATE])
-
-
-@compiled
-def _damping_at(values: Any, gone: float) -> float:
-    """B some time [s] after the first point."""
-    return exp_limited(values[1] + gone * values[RATE])
+def _factor_at(values: Any, i: int, gone: float) -> float:
+    """K (0) or B (1) some time [s] after the first point."""
+    return exp_limited(values[i] + gone * values[RATE])
 
 
 @compiled
@@ -82,7 +76,7 @@ def _law(settings: Any, place: Any, values: Any, history: Any, point: Any) -> fl
     """Force of a point [N]; place.slopes are its derivatives by the unknowns."""
     slopes, gradient = place.slopes, place.gradient
     gone = point.time - place.begin
-    stiffness, damping = _stiffness_at(values, gone), _damping_at(values, gone)
+    stiffness, damping = _factor_at(values, 0, gone), _factor_at(values, 1, gone)
     velocity, acceleration = velocity_at(history, point), point.motion_acceleration
     velocity -= values[DELAY] * acceleration
     depth = (
@@ -124,7 +118,7 @@ def weigh(
         own = noise[2] * own + drag * history.velocity_std[OF_FIT] ** 2
         variance += drag * history.velocity_noise[OF_FIT]
         gone = motion.time - place.begin
-        law = (_stiffness_at(values, gone), _damping_at(values, gone), values[2], values[3])
+        law = (_factor_at(values, 0, gone), _factor_at(values, 1, gone), values[2], values[3])
         velocity = velocity_at(history, motion) - values[DELAY] * motion.motion_acceleration
         depth = motion.depth - values[POSITION] - values[DELAY] * velocity
         deviation = history.velocity_std[OF_FIT]
@@ -340,9 +334,9 @@ def note_covariance(settings: Any, place: Any) -> None:
 @compiled
 def carry(place: Any, history: Any, values: Any, covariance: Any) -> None:
     """Bring ln K and ln B of a fit, and their covariance, to its last point."""
-    gone = history.points[(place.last - 1) % POINTS].time - place.begin
     if place.square_rate == 0.0:
         return
+    gone = history.points[(place.last - 1) % POINTS].time - place.begin
     for i in range(2):
         values[i] += gone * values[RATE]
         for j in range(UNKNOWNS):

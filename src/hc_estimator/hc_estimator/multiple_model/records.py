@@ -107,11 +107,11 @@ JUDGE = record_type(
         Field("count", np.int64, (), 0),
         Field("waited", np.float64, (), 0.0),  # contact since the last snapshot [s]
         Field("weight", np.float64, (), 0.0),  # of the scores, grows to 1
-        # Row with a tissue that varies which was chosen last; 0: none.
         Field("steep_time", np.float64, (), 0.0),  # with a clear rate of ln K, forgetting [s]
         Field("square_rate", np.float64, (), 0.0),  # latest mean square of such a rate [1/s^2]
         Field("rise", np.float64, (), 0.0),  # of ln K in this contact, by such rates
         Field("stiffened", np.int64, (), 0, 1),  # 1 once it became stiffer within a contact
+        # Row with a tissue that varies which was chosen last; 0: none.
         Field("varying", np.int64, (), 0, ROW_COUNT - 1),
         Field("varied_at", np.float64, ()),  # contact clock then [s]
         # Covariance of ln K, ln B, n and p that other rows leave open.
