@@ -19,15 +19,17 @@ def records():
     return channel, color
 
 
-def taken(readings, touches=None, rate=RATE, widest=noise_color.WIDEST):
+def taken(readings, touches=None, rate=RATE, short_times=False):
     """Both records after readings, the noise as `difference_noise` learns it."""
     settings = hc.create_estimator("self_tuning_ukf")._settings.view(np.recarray)[0]
     channel, color = records()
     noise_color.restart(color)
+    if short_times:
+        noise_color.limit_to_short_times(color)
     for k, reading in enumerate(readings):
         difference_noise.learn(settings, channel, k / rate, reading, k == 0, 1e-9)
         inside = True if touches is None else touches[k]
-        noise_color.learn(color, channel, reading, inside, widest)
+        noise_color.learn(color, channel, reading, inside)
     return channel, color
 
 
@@ -64,14 +66,14 @@ def test_every_octave_says_what_the_covariances_of_its_readings_make(time_consta
     said, factors, own = np.zeros(noise_color.OCTAVES), [], []
     for _ in range(8):
         readings = filtered(generator, 12000, time_constant)
-        channel, color = taken(readings, widest=noise_color.NO_MOTION)
+        channel, color = taken(readings, short_times=True)
         said += np.array(color.variance) / 8.0
         factors.append(noise_color.factor(color, channel))
         own.append(channel["mean"])
     assert np.mean(own) == pytest.approx(expected(autocovariance, 0), rel=0.1)
     for octave in (1, 2, 3):  # the lower median of eight is a tenth too small
         assert said[octave - 1] == pytest.approx(0.9 * expected(autocovariance, octave), rel=0.12)
-    assert np.all(said[3:] == 0.0)  # wider than 8 ms
+    # What is wider than 8 ms is learnt, and not taken for noise.
     ratio = expected(autocovariance, 3) / expected(autocovariance, 0)
     assert np.mean(factors) == pytest.approx(0.9 * ratio, rel=0.12)
 
@@ -149,9 +151,37 @@ def test_a_gap_is_bridged_by_no_difference():
         reading = 0.01 * (-1.0) ** k
         difference_noise.learn(settings, channel, k / RATE, reading, k in (0, 100), 1e-9)
         jumped = reading + (50.0 if k >= 100 else 0.0)
-        noise_color.learn(color, channel, jumped, True, noise_color.WIDEST)
+        noise_color.learn(color, channel, jumped, True)
     assert np.max(color.variance[:2]) < 1e-3
     assert np.max(color.following) <= ORDER + 1
+
+
+@pytest.mark.parametrize(("band", "force"), [((6.0, 10.0), 0.02), ((8.0, 12.0), 0.01)])
+@pytest.mark.parametrize("seed", range(4))
+def test_what_the_motion_makes_in_longer_times_is_no_noise(band, force, seed):
+    """A hand's tremor settles from one octave to the next, as noise behind a filter does."""
+    generator = np.random.default_rng(seed)
+    count, stiffness = 20000, 2.0
+    tremor = sosfilt(
+        butter(2, band, "bandpass", fs=RATE, output="sos"), generator.standard_normal(count)
+    )
+    tremor *= force / tremor.std()
+    noise = generator.standard_normal((2, count))
+    channel, color = taken(tremor + 0.01 * noise[0])
+    place, place_color = taken(tremor / stiffness + 0.005 * noise[1], short_times=True)
+    assert noise_color.factor(color, channel) > 10.0  # by the force alone
+    for octave in range(noise_color.OCTAVES):
+        between = noise_color.interval(channel, octave)
+        moved = noise_color.deviation_by_motion(place_color, place, between)
+        color.moved[octave] = 2.0 ** (octave + 1) * (stiffness * moved) ** 2
+    assert noise_color.factor(color, channel) == 1.0
+    assert noise_color.factor(place_color, place) == 1.0
+
+
+def test_motion_is_unknown_before_enough_means():
+    place, place_color = taken(0.005 * np.random.default_rng(2).standard_normal(400))
+    assert noise_color.deviation_by_motion(place_color, place, 0.002) == 0.0
+    assert noise_color.deviation_by_motion(place_color, place, 0.128) == np.inf
 
 
 def pressed(draw, time, middle, frequencies):

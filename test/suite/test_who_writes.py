@@ -165,7 +165,11 @@ GUESTS = {
         "row": "active index state",
         "tool": "away_time contact_clock worthless_time",
     },
-    "multiple_model/readings": {"bank": "calibrated motion_anew sensor_noise"},
+    # What the tool's motion makes of the force is for the contact law to say.
+    "multiple_model/readings": {
+        "bank": "calibrated motion_anew sensor_noise",
+        "color": "moved",
+    },
     "multiple_model/outliers": {"bank": "motion_anew", "clock": "outlier_counts"},
     "multiple_model/sample": {
         "change": "detected fitting_time",

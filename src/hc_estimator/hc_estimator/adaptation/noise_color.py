@@ -20,11 +20,16 @@ frequency, that of smooth presses with the sixth), that of noise behind a filter
 at most fourfold, and behind one of the second order sixteenfold until it settles. An octave counts
 once the next one is known, less a share of what that one may have grown from; beyond one that grows
 more than any noise does, nothing does. Not so for a place: a hand that trembles at 8 Hz grows like
-noise. (Ours; a bank of octaves, as the Allan variance is, IEEE Std 952.)
+noise, and settles. Nor does what it makes of the force count: the place's octaves say how the tool
+moves in such a time, and what the law makes of that is no noise. (A hand that tapped and trembled
+made a sensor of 10 mN pass for one of 0.2 N.)
+
+(Ours; a bank of octaves, as the Allan variance is, IEEE Std 952.)
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -42,8 +47,10 @@ WIDEST = 0.15  # time between two means, at most [s]
 SETTLED = 4.5  # up to which there is nothing but noise: a filter of the first order makes four
 MOTION_GROWTH = 7.0  # of a motion, at least (sixteen, less chance)
 STEEPEST = 20.0  # which no noise has: a filter of the second order makes sixteen
+CLEARLY = 2.0  # times what the tool's motion makes, from which on there is noise beside it
 BLOCK = 32  # differences of means that are averaged
 BLOCKS = 16  # averages, of which the median counts: what a tool does at once spoils one or two
+NEXT_TO = 0.8  # of a time between two means, from which on another is as good
 FEWEST = 3  # of them that say something
 FEWEST_NEXT = 2  # of them that say whether the octave before was noise
 MEDIAN = 0.64  # information of a median over that of a mean
@@ -65,6 +72,8 @@ COLOR = record_type(
         Field("blocks", np.float64, (OCTAVES, BLOCKS), 0.0),  # ring of their means
         Field("count", np.int64, (OCTAVES,), 0),  # blocks so far
         Field("variance", np.float64, (OCTAVES,), 0.0),  # of white noise that would say the same
+        # Of it, what the motion of the tool makes; infinite where that is not known, or is all.
+        Field("moved", np.float64, (OCTAVES,), 0.0, finite=False),
         Field("touches", np.int64, (), 0, 1),
         Field("corners", np.int64, (OCTAVES,), 0, CORNERS),  # in a row
     )
@@ -84,6 +93,13 @@ def restart(color: Any) -> None:
 
 
 @compiled
+def limit_to_short_times(color: Any) -> None:
+    """Take nothing in longer times for noise, as of a place."""
+    for k in range(OCTAVES):
+        color.moved[k] = math.inf
+
+
+@compiled
 def interrupt(color: Any) -> None:
     """What comes next does not follow what was before."""
     for k in range(OCTAVES):
@@ -92,7 +108,7 @@ def interrupt(color: Any) -> None:
 
 
 @compiled
-def learn(color: Any, channel: Any, reading: float, touches: bool, widest: float) -> None:
+def learn(color: Any, channel: Any, reading: float, touches: bool) -> bool:
     """Take a reading after `difference_noise.learn` has.
 
     Args:
@@ -100,7 +116,9 @@ def learn(color: Any, channel: Any, reading: float, touches: bool, widest: float
         channel: record of the same channel in `difference_noise`.
         reading: displacement [mm] or force [N].
         touches: True while a force is felt; where that changes nothing is compared.
-        widest: time between two means, at most [s].
+
+    Returns:
+        True if the variance of an octave has changed.
     """
     if channel.jumped != 0:
         restart(color)
@@ -108,42 +126,51 @@ def learn(color: Any, channel: Any, reading: float, touches: bool, widest: float
     if not difference_noise.follows(channel) or inside != color.touches:
         interrupt(color)
     color.touches = inside
-    value = reading
+    value, changed = reading, False
     for k in range(OCTAVES):
-        if 2.0 ** (k + 1) * channel.step > widest:
-            return
+        if interval(channel, k) > WIDEST:
+            break
         if color.waits[k] == 0:
             color.waiting[k] = value
             color.waits[k] = 1
-            return
+            break
         value = 0.5 * (color.waiting[k] + value)
         color.waits[k] = 0
-        _take_mean(color, k, value)
+        changed = _take_mean(color, k, value) or changed
+    return changed
 
 
 @compiled
-def _take_mean(color: Any, k: int, value: float) -> None:
-    """Take a mean of an octave into its variance."""
+def interval(channel: Any, k: int) -> float:
+    """Time between two means of an octave [s]."""
+    return 2.0 ** (k + 1) * channel.step  # type: ignore[no-any-return]
+
+
+@compiled
+def _take_mean(color: Any, k: int, value: float) -> bool:
+    """Take a mean of an octave into its variance; True if that has changed."""
     difference_noise.append(color.means[k], value)
     color.following[k] = min(color.following[k] + 1, ORDER + 1)
     if color.following[k] <= ORDER:
-        return
+        return False
     square = 2.0 ** (k + 1) * difference_noise.variance_of(color.means[k])
     if color.variance[k] > 0.0 and square > CORNER * color.variance[k]:
         color.following[k] = 0
         color.corners[k] = min(color.corners[k] + 1, CORNERS)
         if color.corners[k] < CORNERS:
-            return
+            return False
     else:
         color.corners[k] = 0
     color.squares[k] += square
     color.taken[k] += 1
-    if color.taken[k] == BLOCK:
-        color.blocks[k, color.count[k] % BLOCKS] = color.squares[k] / BLOCK
-        color.count[k] += 1
-        color.squares[k] = 0.0
-        color.taken[k] = 0
-        color.variance[k] = _median(color.blocks[k], min(color.count[k], BLOCKS))
+    if color.taken[k] < BLOCK:
+        return False
+    color.blocks[k, color.count[k] % BLOCKS] = color.squares[k] / BLOCK
+    color.count[k] += 1
+    color.squares[k] = 0.0
+    color.taken[k] = 0
+    color.variance[k] = _median(color.blocks[k], min(color.count[k], BLOCKS))
+    return True
 
 
 @compiled
@@ -183,13 +210,39 @@ def factor(color: Any, channel: Any) -> float:
         if growth > SETTLED:  # a motion may have begun in the octave before
             likely -= ratio / MOTION_GROWTH
         largest = max(largest, likely)
-        wide = 2.0 ** (k + 1) * channel.step > NO_MOTION
-        if color.count[k] < FEWEST or (wide and growth > STEEPEST):
+        wide = interval(channel, k) > NO_MOTION
+        moves = wide and (growth > STEEPEST or color.variance[k] < CLEARLY * color.moved[k])
+        if color.count[k] < FEWEST or moves:
             break
-        freedom = MEDIAN * BLOCK / DEPENDENT * min(color.count[k], BLOCKS)
         before, likely = ratio, 1.0
-        if ratio > largest_by_noise(freedom, SURELY):
+        if ratio > largest_by_noise(_freedom(color, k), SURELY):
             likely = ratio
             if not wide:
                 largest = max(largest, ratio)
+            else:
+                likely -= color.moved[k] / channel.mean
     return largest
+
+
+@compiled
+def _freedom(color: Any, k: int) -> float:
+    """Degrees of freedom of an octave's variance."""
+    return MEDIAN * BLOCK / DEPENDENT * min(color.count[k], BLOCKS)  # type: ignore[no-any-return]
+
+
+@compiled
+def deviation_by_motion(color: Any, channel: Any, time: float) -> float:
+    """How far a tool moves from one mean to the next [mm], beyond noise; infinite if unknown.
+
+    Args:
+        color: of the displacement.
+        channel: its record in `difference_noise`.
+        time: between two means [s]; of octaves beside it the wider one is asked.
+    """
+    k = 0
+    while k < OCTAVES - 1 and interval(channel, k) < NEXT_TO * time:
+        k += 1
+    if color.count[k] < FEWEST_NEXT:
+        return math.inf
+    noise = channel.mean * largest_by_noise(_freedom(color, k), SURELY)
+    return math.sqrt(max(color.variance[k] - noise, 0.0) / 2.0 ** (k + 1))

@@ -75,6 +75,7 @@ def start(settings: Any, bank: Any) -> None:
     for i in range(2):
         difference_noise.restart(bank.noise[i])
         noise_color.restart(bank.color[i])
+    noise_color.limit_to_short_times(bank.color[0])
     motion_density.reset(bank.motion)
     tempering.reset(bank.tool)
     bank.tool.away_time = 0.0

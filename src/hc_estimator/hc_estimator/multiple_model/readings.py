@@ -10,6 +10,7 @@ from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import raw_readings, tempering
 from hc_estimator.multiple_model.delay_records import RAW
+from hc_estimator.multiple_model.kalman import force_at
 
 LARGEST_WAIT = 64  # accepted samples after which the given noise is used if none was found
 SUDDEN = 5.0  # latest differences beyond so many times the noise replace it
@@ -71,8 +72,9 @@ def learn(settings: Any, bank: Any, time: float) -> None:
                 reading = clock.measurement[i]
                 difference_noise.learn(settings, bank.noise[i], time, reading, broken, floor)
                 # A place has no corner where the tool touches.
-                widest = noise_color.WIDEST if i == 1 else noise_color.NO_MOTION
-                noise_color.learn(bank.color[i], bank.noise[i], reading, pushes or i == 0, widest)
+                inside = pushes or i == 0
+                if noise_color.learn(bank.color[i], bank.noise[i], reading, inside) and i == 1:
+                    _note_motion(settings, bank)
         follow_noise(bank)
     chosen = bank.rows[bank.judge.chosen]
     if settings.motion_adaptation != 0 and clock.present[0] != 0:
@@ -86,6 +88,30 @@ def learn(settings: Any, bank: Any, time: float) -> None:
             chosen.model_error > 0.0,
         )
     tempering.learn(bank.tool, chosen, clock.elapsed)
+
+
+@compiled
+def _note_motion(settings: Any, bank: Any) -> None:
+    """Note what the tool's motion makes of the force where the tissue was felt to resist most.
+
+    What matters of differences of means in a row lies next to the highest frequency that these can
+    show, where a tool that moves by x within a time t has a velocity of pi x / t. Of what is faster
+    something is left in longer means.
+    """
+    row, color, noise = bank.rows[bank.judge.chosen], bank.color, bank.noise
+    depth = max(bank.tool.deepest, 0.0)
+    at_rest = force_at(settings, row, depth, 0.0)
+    fastest, frequency = 0.0, 0.0
+    for k in range(noise_color.OCTAVES):
+        time = noise_color.interval(noise[1], k)
+        x = noise_color.deviation_by_motion(color[0], noise[0], time)
+        if x < math.inf:
+            if x * math.pi / time > fastest:
+                fastest, frequency = x * math.pi / time, math.pi / time
+            deeper = force_at(settings, row, depth + x, 0.0) - at_rest
+            faster = force_at(settings, row, depth, frequency * x) - at_rest
+            x = deeper * deeper + faster * faster
+        color[1].moved[k] = 2.0 ** (k + 1) * x
 
 
 @compiled

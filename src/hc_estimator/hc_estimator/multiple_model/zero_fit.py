@@ -101,6 +101,7 @@ def reset(zeros: Any) -> None:
     restart(zeros)
     zeros.unknown = NONE
     zeros.deviation = 0.0
+    zeros.least = 0.0
     clear_vector(zeros.moved)
     zero_average.forget(zeros)
 
@@ -119,6 +120,7 @@ def begin_at_place(zeros: Any, doubt: Any, deviation: float) -> None:
     zeros.off[0] = deviation
     copy_matrix(doubt, zeros.doubt)
     zeros.deviation = math.sqrt(zeros.doubt[0, 0])
+    zeros.least = zeros.doubt[0, 0]
 
 
 @compiled
@@ -375,6 +377,7 @@ def _use(onset: Any, zeros: Any, unknown: int, sinks: bool) -> None:
         onset.force_deviation = math.sqrt(max(zeros.covariance[1, 1], 0.0))
     copy_matrix(zeros.doubt_of_fit, zeros.doubt)
     zeros.deviation = math.sqrt(zeros.doubt[0, 0])
+    zeros.least = zeros.doubt[0, 0]
 
 
 @compiled

@@ -15,6 +15,9 @@ from hc_estimator.multiple_model.kalman import probability
 from hc_estimator.multiple_model.levenberg_marquardt import solve
 from hc_estimator.multiple_model.zero_records import BOTH, OF_FORCE, OF_POSITION
 
+# Variance of ln K that zeros in use leave open, over the least before, up to which a fit is asked.
+SHOWN = 4.0
+
 
 @compiled
 def note_covariance(zeros: Any, fit: Any) -> None:
@@ -104,7 +107,14 @@ def average(zeros: Any, unknown: int, possible: int) -> None:
 
 @compiled
 def keep_doubt(zeros: Any) -> None:
-    """What the zeros in use leave open by now: the fit's doubt, and what it would change."""
+    """What the zeros in use leave open by now: the fit's doubt, and what it would change.
+
+    Points that show far less than others did, as in a hold, are no reason to doubt more: K was
+    found from those others.
+    """
+    if zeros.doubt_of_fit[0, 0] > SHOWN * zeros.least:
+        return
+    zeros.least = min(zeros.least, zeros.doubt_of_fit[0, 0])
     position, force = zeros.position, zeros.force
     for i in range(4):
         zeros.change[i] = zeros.slopes_by[i, 0] * position + zeros.slopes_by[i, 1] * force
