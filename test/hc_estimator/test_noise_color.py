@@ -161,7 +161,7 @@ def test_a_gap_is_bridged_by_no_difference():
 def test_what_the_motion_makes_in_longer_times_is_no_noise(band, force, seed):
     """A hand's tremor settles from one octave to the next, as noise behind a filter does."""
     generator = np.random.default_rng(seed)
-    count, stiffness = 20000, 2.0
+    count, stiffness = 20000, 0.5
     tremor = sosfilt(
         butter(2, band, "bandpass", fs=RATE, output="sos"), generator.standard_normal(count)
     )

@@ -47,6 +47,7 @@ WIDEST = 0.15  # time between two means, at most [s]
 SETTLED = 4.5  # up to which there is nothing but noise: a filter of the first order makes four
 MOTION_GROWTH = 7.0  # of a motion, at least (sixteen, less chance)
 STEEPEST = 20.0  # which no noise has: a filter of the second order makes sixteen
+COLORED = 30.0  # variance of an octave of a place, over that of its noise, that noise may make
 CLEARLY = 2.0  # times what the tool's motion makes, from which on there is noise beside it
 BLOCK = 32  # differences of means that are averaged
 BLOCKS = 16  # averages, of which the median counts: what a tool does at once spoils one or two
@@ -232,7 +233,9 @@ def _freedom(color: Any, k: int) -> float:
 
 @compiled
 def deviation_by_motion(color: Any, channel: Any, time: float) -> float:
-    """How far a tool moves from one mean to the next [mm], beyond noise; infinite if unknown.
+    """How far a tool moves from one mean to the next [mm]; infinite if unknown.
+
+    A place may have noise that goes together as well: less than that makes is no motion.
 
     Args:
         color: of the displacement.
@@ -244,5 +247,6 @@ def deviation_by_motion(color: Any, channel: Any, time: float) -> float:
         k += 1
     if color.count[k] < FEWEST_NEXT:
         return math.inf
-    noise = channel.mean * largest_by_noise(_freedom(color, k), SURELY)
-    return math.sqrt(max(color.variance[k] - noise, 0.0) / 2.0 ** (k + 1))
+    if color.variance[k] < COLORED * channel.mean:
+        return 0.0
+    return math.sqrt((color.variance[k] - channel.mean) / 2.0 ** (k + 1))
