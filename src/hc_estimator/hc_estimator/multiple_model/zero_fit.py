@@ -190,6 +190,7 @@ def look(settings: Any, bank: Any) -> bool:
     if unknown == NONE and zeros.unknown != NONE and not speaks_against(zeros, possible):
         unknown = zeros.unknown
     zero_sensitivity.note_doubt(zeros, possible, zeros.doubt_of_fit)
+    zeros.shown = zeros.doubt_of_fit[0, 0]
     if unknown != possible and (unknown != NONE or zeros.unknown != NONE):
         copy_vector(zeros.fit, zeros.change)
         copy_matrix(zeros.doubt_of_fit, zeros.doubt_of_both)
@@ -199,6 +200,7 @@ def look(settings: Any, bank: Any) -> bool:
             return False
         zero_sensitivity.note_covariance(zeros, fit)
         zero_sensitivity.note_doubt(zeros, unknown, zeros.doubt_of_fit)
+        zeros.shown = zeros.doubt_of_fit[0, 0]
         zero_sensitivity.average(zeros, unknown, possible)
     if sinks and zeros.unknown != NONE:
         zeros.position = 0.0  # where the surface is by now is for the rows that follow it
@@ -377,7 +379,7 @@ def _use(onset: Any, zeros: Any, unknown: int, sinks: bool) -> None:
         onset.force_deviation = math.sqrt(max(zeros.covariance[1, 1], 0.0))
     copy_matrix(zeros.doubt_of_fit, zeros.doubt)
     zeros.deviation = math.sqrt(zeros.doubt[0, 0])
-    zeros.least = zeros.doubt[0, 0]
+    zeros.least = zeros.shown
 
 
 @compiled

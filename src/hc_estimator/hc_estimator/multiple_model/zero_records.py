@@ -22,7 +22,9 @@ ZEROS = record_type(
         # think so: root mean squares of position [mm] and force [N].
         Field("off", np.float64, (2,), 0.0),
         Field("deviation", np.float64, (), 0.0),  # of ln K by that, when they were found
-        Field("least", np.float64, (), 0.0),  # variance of ln K by that, of all fits since then
+        # Variance of ln K by the zeros of the last fit, be they all that is off; least since then.
+        Field("shown", np.float64, (), 0.0),
+        Field("least", np.float64, (), 0.0),
         # The same by the last fit, and by one with both zeros unknown.
         Field("doubt_of_fit", np.float64, (4, 4)),
         Field("doubt_of_both", np.float64, (4, 4)),

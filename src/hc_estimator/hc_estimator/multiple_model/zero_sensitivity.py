@@ -110,11 +110,11 @@ def keep_doubt(zeros: Any) -> None:
     """What the zeros in use leave open by now: the fit's doubt, and what it would change.
 
     Points that show far less than others did, as in a hold, are no reason to doubt more: K was
-    found from those others.
+    found from those others. That it may be another zero, is.
     """
-    if zeros.doubt_of_fit[0, 0] > SHOWN * zeros.least:
+    if zeros.shown > SHOWN * zeros.least:
         return
-    zeros.least = min(zeros.least, zeros.doubt_of_fit[0, 0])
+    zeros.least = min(zeros.least, zeros.shown)
     position, force = zeros.position, zeros.force
     for i in range(4):
         zeros.change[i] = zeros.slopes_by[i, 0] * position + zeros.slopes_by[i, 1] * force
