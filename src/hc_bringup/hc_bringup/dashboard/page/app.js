@@ -42,7 +42,9 @@ HC.App = class {
       HC.setText(document.querySelector("h1"), `hc ${message.space}`);
     }
     this.refreshControls();
-    const kept = this.store.epoch === message.epoch && message.rows >= this.store.count;
+    const kept = this.life === message.life && this.store.epoch === message.epoch &&
+      message.rows >= this.store.count;
+    this.life = message.life;
     const oldest = Math.max(0, message.rows - this.store.capacity);
     if (!kept || this.store.count < oldest) this.store.clear(message.epoch, oldest);
     this.askRows();
