@@ -170,6 +170,29 @@ def test_an_error_of_the_estimator_stands_on_top_while_it_runs(
     page.wait_for("document.getElementById('banner').hidden")  # a warning has its line below
 
 
+def test_a_recorder_that_cannot_write_is_said_on_top(
+    page: Any, live: Any, make_estimates: Make
+) -> None:
+    """Regression: of a disk that was full only a line at the foot of the page knew."""
+    live.feed(make_estimates(500))
+    full = "cannot write bags/a: No space left on device"
+    recorder = {"level": 2, "message": full, "hardware": "", "values": {}, "age_s": 0.2}
+    estimator = recorder | {"message": "two publishers"}
+    live.open(silent_s=0.0, nodes={"recorder": recorder})
+    page.wait(lambda: page.text("#banner") == f"The recorder says: {full}.", "the banner")
+    assert page.run("return document.getElementById('banner').dataset.level") == "bad"
+    assert page.text("#state") in ("in contact", "law does not fit")
+    live.say(silent_s=0.0, nodes={"recorder": recorder, "estimator": estimator})
+    both = f"The estimator says: two publishers. The recorder says: {full}."
+    page.wait(lambda: page.text("#banner") == both, "both")
+    page.press(" ")  # frozen
+    page.wait(lambda: page.text("#state") == "frozen", "frozen")
+    assert page.text("#banner") == both
+    page.press(" ")
+    live.say(silent_s=0.0, nodes={"recorder": recorder | {"age_s": 9.0}})
+    page.wait_for("document.getElementById('banner').hidden")  # gone: what it said is old
+
+
 def test_what_zeros_that_are_off_would_do_stands_below_the_parameters(
     page: Any, live: Any, make_estimates: Make
 ) -> None:

@@ -207,9 +207,9 @@ HC.App = class {
       return ["stopped", "bad",
         `Stopped: no ${what} for ${silent.toFixed(0)} s. ${why}`.trim()];
     }
-    if (this.frozen) return ["frozen", "idle", ""];
-    if (!this.store || this.store.empty) return ["waiting", "idle", ""];
-    const wrong = HC.reasonOf(status.nodes, HC.ERROR);
+    const wrong = HC.errorsOf(status.nodes);
+    if (this.frozen) return ["frozen", "idle", wrong, "bad"];
+    if (!this.store || this.store.empty) return ["waiting", "idle", wrong, "bad"];
     if (this.store.last("mismatch")) return ["law does not fit", "warn", wrong, "bad"];
     const touches = this.store.last("contact");
     return touches ? ["in contact", "good", wrong, "bad"] : ["in the air", "idle", wrong, "bad"];
