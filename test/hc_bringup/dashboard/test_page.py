@@ -119,6 +119,28 @@ def test_says_when_data_stop_and_comes_back(page: Any, live: Any, make_estimates
     page.wait(lambda: page.text("#state") != "stopped", "going on", 2.0)
 
 
+def test_a_slow_connection_is_not_told_as_silence(
+    page: Any, live: Any, make_estimates: Make
+) -> None:
+    """Regression: "Stopped: no estimates for 9 s." behind a link of 4 kB/s, while they ran."""
+    live.feed(make_estimates(100))
+    live.open(silent_s=0.02)
+    page.wait(lambda: page.text("#state") == "in contact", "a state")
+    seen = set()
+    for part in range(1, 11):  # rows trickle in, and no status between them
+        live.feed(make_estimates(100, first=100 * part))
+        time.sleep(0.25)
+        seen.add(page.text("#state"))
+    assert "slow connection" in seen
+    assert not seen & {"stopped", "disconnected"}
+    assert page.text("#banner").startswith("The connection is slow: what you see is old, by ")
+    assert page.text("#headline").startswith("Last heard:")
+    live.say(silent_s=0.02)
+    page.wait(lambda: page.text("#state") == "in contact", "as before", 2.0)
+    live.say(silent_s=3.0)  # what a status says of a silence is told as one
+    page.wait(lambda: page.text("#state") == "stopped", "stopped", 2.0)
+
+
 def test_a_chart_out_of_sight_catches_up_when_data_have_stopped(
     page: Any, live: Any, make_estimates: Make
 ) -> None:
