@@ -22,7 +22,7 @@ import pytest
 import yaml
 import zstandard
 
-from hc_logger.mcap_file import MAGIC
+from hc_logger.mcap_scan import MAGIC
 from hc_logger.recording import read_recording
 
 ROOT = Path(__file__).resolve().parents[2]

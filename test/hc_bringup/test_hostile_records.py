@@ -21,7 +21,7 @@ import pytest
 import zstandard
 
 from hc_logger.foreign import open_bag
-from hc_logger.mcap_file import MAGIC
+from hc_logger.mcap_scan import MAGIC
 from hc_logger.writer import BagWriter
 
 COUNTS = [16, pytest.param(2000, marks=[pytest.mark.slow, pytest.mark.timeout(3600)])]

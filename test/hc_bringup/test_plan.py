@@ -1,11 +1,14 @@
 """Run configurations: what is read, and what is refused with which words."""
 
+import os
 from pathlib import Path
 
 import pytest
 
 from hc_bringup.errors import UserError
+from hc_bringup.paths import find_config
 from hc_bringup.plan import load_plan
+from hc_sim_rig.scenario import ScenarioError, load_scenario
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -179,3 +182,18 @@ def test_a_file_of_parameters_is_no_run_and_the_run_is_named(tmp_path: Path) -> 
     with pytest.raises(UserError, match=r"hc run \S*my_robot_run.yaml") as raised:
         load_plan(file)
     assert raised.value.status == 2
+
+
+@pytest.mark.timeout(20)
+@pytest.mark.parametrize("name", ["pipe", "pipe.yaml"])
+def test_a_pipe_is_no_configuration_and_no_scenario(tmp_path: Path, name: str) -> None:
+    """Regression: "no configuration", and a scenario of a pipe was waited for without a word."""
+    pipe = tmp_path / name
+    os.mkfifo(pipe)
+    with pytest.raises(UserError) as refused:
+        find_config(str(pipe))
+    assert str(refused.value) == f"{pipe} is a pipe: write it to a YAML file, and give that"
+    with pytest.raises(ScenarioError) as no_scenario:
+        load_scenario(pipe)
+    said = f"scenario {pipe} is a pipe: write it to a .yaml file, and give that"
+    assert str(no_scenario.value) == said

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import bz2
 import errno
 import gzip
@@ -135,6 +136,43 @@ def test_a_named_pipe_that_nobody_writes_to_is_waited_for_with_words(
     result_of(capsys, str(pipe))
     writer.join()
     assert steps[0] == f"waiting for {pipe}"
+
+
+@pytest.mark.process
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("name", ["estimate", "contacts", "report"])
+def test_every_command_says_what_it_waits_for_and_ends_by_an_interrupt(
+    command_line: Any, tmp_path: Path, name: str
+) -> None:
+    """Regression: estimate, contacts and report said nothing while nobody wrote to the pipe."""
+    pipe = tmp_path / "press.csv"
+    os.mkfifo(pipe)
+    to = [] if name == "estimate" else ["-o", str(tmp_path / "new.html")]
+    process = command_line.start(name, str(pipe), *to)
+    said = process.stderr.readline()
+    assert said.startswith(f"... waiting for {pipe}, since "), said
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=15)
+    assert (process.returncode, out) == (130, "")
+    assert all(line.startswith("... waiting for ") for line in err.splitlines())
+
+
+@pytest.mark.timeout(60)
+def test_a_heartbeat_ends_when_all_has_come(
+    table: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pipe = tmp_path / "press.csv"
+    os.mkfifo(pipe)
+    calls: list[str] = []
+    monkeypatch.setattr(standard_input.heartbeat, "begin", calls.append)
+    monkeypatch.setattr(standard_input.heartbeat, "end", lambda: calls.append("end"))
+    writer = threading.Thread(target=lambda: pipe.write_bytes(table.read_bytes()))
+    writer.start()
+    arguments = argparse.Namespace(input=str(pipe))
+    with standard_input.kept(arguments, tell_waiting=True):
+        assert calls == [f"waiting for {pipe}", "end"]
+        assert Path(arguments.input).read_bytes() == table.read_bytes()
+    writer.join()
 
 
 def test_lines_call_it_what_it_is_and_can_be_typed_again(

@@ -48,6 +48,10 @@ def test_stamps_of_another_machine_s_clock_are_taken_as_they_are():
         ((7200_000, 7200_400), False, ""),  # a bag
         # Regression: of a simulation they were "1795770749 s old", of clocks that differ.
         ((1_795_770_749_000, 1_795_770_749_400), True, "use_sim_time: true"),
+        # Regression: of a computer whose clock stands at 2007, "stamped as of 1970".
+        ((600_000_000_000, 600_000_000_400), True, "samples are 19 years old when they are used"),
+        ((-600_000_000_400, -600_000_000_000), True, "stamped 19 years in the future: the clocks"),
+        ((259_200_000, 259_200_400), True, "samples are 3 days old when they are used"),
         # Regression: with use_sim_time and no /clock, "1795955745 s in the future: (use PTP ...)".
         ((-1_795_770_749_000, -1_795_770_749_400), True, "use_sim_time: false"),
         ((1300, 40, 2), True, ""),  # a node that stood still

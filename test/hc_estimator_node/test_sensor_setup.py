@@ -169,9 +169,11 @@ def test_what_the_readings_do_not_show_is_said():
     other = position._replace(values=generator.standard_normal(position.values.shape))
     with pytest.raises(SetupError, match="hardly go together"):
         propose(force, other)
-    late = position._replace(time_s=position.time_s + 1e6)
-    with pytest.raises(SetupError, match="no time in common"):
-        propose(force, late)
+    # Regression: "force and position have no time in common: compare their clocks".
+    for shift_s, said in ((1e6, "1000000 s behind"), (-86400.0, "86400 s ahead of")):
+        other = position._replace(time_s=position.time_s + shift_s)
+        with pytest.raises(SetupError, match=f"force are {said} those of the position"):
+            propose(force, other)
     with pytest.raises(SetupError, match="5 readings of the position are too few"):
         propose(force, VectorReadings(position.time_s[:5], position.values[:5], AXES))
     still = position._replace(values=np.full(position.values.shape, 3.0))

@@ -1,6 +1,8 @@
 """YAML of others: plain data, or one line; never long, never large, never a traceback."""
 
+import os
 import random
+import threading
 import time
 import tracemalloc
 from pathlib import Path
@@ -141,3 +143,25 @@ def test_mutated_files_are_data_or_one_line(count: int) -> None:
             at = rng.randrange(len(text) + 1)
             text = text[:at] + rng.choice(pieces) * rng.choice((1, 1, 2, 50)) + text[at:]
         assert refusal(text).isprintable()
+
+
+def test_a_pipe_is_read_to_its_end(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    text = "a: " + "x" * 300_000  # more than a pipe holds
+    writer = threading.Thread(target=pipe.write_text, args=(text,), daemon=True)
+    writer.start()
+    assert read_plain_yaml(pipe) == {"a": "x" * 300_000}
+    writer.join(5.0)
+
+
+def test_a_pipe_that_nobody_writes_to_ends_in_a_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regression: `hc param load NODE PIPE` waited for good without a word."""
+    monkeypatch.setattr("hc_msgs_py.plain_yaml.PIPE_WAIT_S", 0.2)
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(OSError, match="it is a pipe that nobody wrote to") as caught:
+        read_plain_yaml(pipe)
+    assert caught.value.strerror == "it is a pipe that nobody wrote to for 0.2 s: give a file"

@@ -302,7 +302,7 @@ def _run(words: list[str], tell_waiting: bool) -> int:
         CompilationNotice()
     from hc_bringup import standard_input
 
-    with standard_input.kept(parsed):
+    with standard_input.kept(parsed, tell_waiting=tell_waiting and not has_heartbeat):
         return int(module.run(parsed))
 
 

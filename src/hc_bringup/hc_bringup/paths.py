@@ -52,6 +52,8 @@ def find_config(name: str) -> Path:
     for candidate in places:
         if candidate.is_file():
             return candidate.resolve()
+    if Path(name).is_fifo():  # read more than once, and by its name others are found beside it
+        raise UserError(f"{name} is a pipe: write it to a YAML file, and give that", WRONG_USE)
     known = sorted(p.stem for p in folder.glob("*.yaml"))
     known += sorted(f"robots/{p.stem}" for p in folder.glob("robots/*.yaml"))
     raise UserError(

@@ -30,10 +30,15 @@ _WAIT_S: Final = 0.2
 
 
 @contextlib.contextmanager
-def kept(arguments: argparse.Namespace) -> Iterator[None]:
+def kept(arguments: argparse.Namespace, *, tell_waiting: bool = False) -> Iterator[None]:
     """Have `arguments.input` name a file for as long as a command runs, if it names a pipe.
 
     What the user typed is then in `arguments.piped`.
+
+    Args:
+        arguments: parsed options; `input` is looked at, if there is one.
+        tell_waiting: begin a heartbeat that says what is waited for, for a command that has none;
+            it ends when all has come.
 
     Raises:
         UserError: if nothing comes, if it is no recording, or if it cannot be kept; and whatever
@@ -50,7 +55,11 @@ def kept(arguments: argparse.Namespace) -> Iterator[None]:
         except OSError as error:
             raise _no_room(name, tempfile.gettempdir(), error) from error
         stack.callback(shutil.rmtree, folder, ignore_errors=True)
+        if tell_waiting:
+            heartbeat.begin(f"waiting for {name}")
         path = _spool(stream, name, Path(folder))
+        if tell_waiting:
+            heartbeat.end()
         arguments.input, arguments.piped = str(path), typed
         try:
             yield
@@ -139,7 +148,7 @@ def _blocks(descriptor: int) -> Iterator[bytes]:
 def _suffix(first: bytes, name: str) -> str:
     """Return the ending of what begins so; of what is nothing else, that of a table in text."""
     from hc_logger.compressions import compression_of
-    from hc_logger.mcap_file import MAGIC
+    from hc_logger.mcap_scan import MAGIC
     from hc_logger.other_files import JSON, what_begins_with
 
     if not first:

@@ -45,5 +45,5 @@ def say_unread(name: str, recording: Any) -> None:
         name: what the recording is called.
         recording: hc_logger.recorded.Recording.
     """
-    for line in recording.findings.problems:
+    for line in (*recording.findings.problems, *recording.findings.being_recorded):
         print(f"{name}: {line}", file=sys.stderr)

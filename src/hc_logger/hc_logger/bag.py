@@ -76,6 +76,17 @@ class Bag(ABC):
     def problems(self) -> list[str]:
         """One line for each thing that could not be read so far."""
 
+    @property
+    def being_recorded(self) -> list[str]:
+        """Those of the problems that say only that somebody is writing the bag: none is damage."""
+        return []
+
+    @property
+    def damage(self) -> list[str]:
+        """The problems without those of a bag that is being recorded."""
+        growing = self.being_recorded
+        return [problem for problem in self.problems if problem not in growing]
+
     @abstractmethod
     def time_range(self) -> tuple[int, int] | None:
         """Return first and last log time (ns) as the bag states them; None without messages."""

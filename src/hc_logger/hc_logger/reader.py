@@ -16,7 +16,8 @@ from hc_logger.bag import Bag, Message, Topic
 from hc_logger.definitions import TypeDefinition, same_definition
 from hc_logger.errors import BagError, MetadataError
 from hc_logger.mcap_chunk import Messages
-from hc_logger.mcap_file import ChunkPlace, McapFile
+from hc_logger.mcap_file import McapFile
+from hc_logger.mcap_scan import ChunkPlace
 from hc_logger.metadata import (
     FILE_NAME,
     is_compressed,
@@ -179,6 +180,12 @@ class BagReader(Bag):
         for file in self.files:
             lines += [f"{file.path.name}: {problem}" for problem in file.problems()]
         return lines
+
+    @property
+    def being_recorded(self) -> list[str]:
+        """Of each file that somebody is writing, how much of it was read."""
+        growing = ((file.path.name, file.being_recorded()) for file in self.files)
+        return [f"{name}: {line}" for name, line in growing if line]
 
     def _places(self) -> list[tuple[ChunkPlace, int]]:
         """Return all chunks with the number of their file, by the time of their first message."""

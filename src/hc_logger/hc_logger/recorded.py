@@ -83,6 +83,7 @@ class Findings(NamedTuple):
         repeated: rows with a reading of a channel that has one at the same time before.
         backward: rows with a time before that of the row before.
         problems: what of a bag could not be read, one line each.
+        being_recorded: how much was read of a bag that somebody writes, one line for each file.
         notes: what else one should know, one line each.
         counted_once: channels ("displacement", "force") whose repeated readings were left out.
     """
@@ -95,6 +96,7 @@ class Findings(NamedTuple):
     force_alone: int = 0
     displacement_alone: int = 0
     counted_once: tuple[str, ...] = ()
+    being_recorded: tuple[str, ...] = ()
 
     def lines(self) -> list[str]:
         """Return one line for each finding, none for a clean recording."""
@@ -117,7 +119,7 @@ class Findings(NamedTuple):
             if count
         ]
         one = [f"{', '.join(alone)}: each reading is used at its own stamp"] if alone else []
-        return [*counted, *one, *self.problems, *self.notes]
+        return [*counted, *one, *self.problems, *self.being_recorded, *self.notes]
 
 
 @dataclass(frozen=True)

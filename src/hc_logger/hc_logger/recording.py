@@ -118,7 +118,7 @@ def _read_bag(path: Path, topic: str, namespace: str) -> Recording:
             stamp = stamps(table)
         if not len(table):
             raise BagError(f"{path}: no sample on {name}{_because(reader)}")
-        problems = tuple(reader.problems)
+        problems, growing = tuple(reader.damage), tuple(reader.being_recorded)
     time_s = (stamp - stamp[0]) * 1e-9
     displacement_mm = table[DISPLACEMENT] * METRE_IN_MM
     rows = np.column_stack([displacement_mm, table[FORCE]])
@@ -130,7 +130,7 @@ def _read_bag(path: Path, topic: str, namespace: str) -> Recording:
         table[SEQUENCE].copy(),
         displacement_mm,
         table[FORCE].copy(),
-        findings_of(rows, np.diff(stamp), problems),
+        findings_of(rows, np.diff(stamp), problems)._replace(being_recorded=growing),
         namespace=_namespace_of(name),
     )
 

@@ -166,7 +166,7 @@ def read_sensors(
                 not_finite[channel] += not math.isfinite(value)
                 samples += adds[channel](stamp, value, message.log_time)
         samples += merger.flush()
-        problems = list(bag.problems)
+        problems, growing = bag.damage, bag.being_recorded
         words = _words(bag, position_topic, position, frame)
     problems += [
         f"{count} of {len(stamps)} readings of {topic} {NO_NUMBERS}"
@@ -190,7 +190,8 @@ def read_sensors(
     if line := off_axis_line(force_topic, vectors, _direction(force), force.sign):
         problems.append(line)
     if not samples:
-        why = "; ".join(problems) or "there is no reading of one of them at the time of the other"
+        said = "; ".join([*growing, *problems])
+        why = said or "there is no reading of one of them at the time of the other"
         raise BagError(f"{path}: {force_topic} and {position_topic} give no sample: {why}")
     notes = [
         f"force along {force.axis} of {force_topic}, displacement of {position_topic}"
@@ -210,7 +211,9 @@ def read_sensors(
         np.ascontiguousarray(rows[:, 0]),
         np.ascontiguousarray(rows[:, 1]),
         findings_of(rows, np.diff(stamps), tuple(problems))._replace(
-            notes=tuple(notes), counted_once=channels_held(position.held, force.held)
+            notes=tuple(notes),
+            counted_once=channels_held(position.held, force.held),
+            being_recorded=tuple(growing),
         ),
     )
 

@@ -8,6 +8,10 @@ no memory, and then read; every way it can be wrong is one kind of error with on
 
 from __future__ import annotations
 
+import errno
+import os
+import select
+import stat
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,6 +22,8 @@ MOST_VALUES: Final = 1_000_000
 """With every alias counted as what it stands for."""
 DEEPEST: Final = 64
 LONGEST_REASON: Final = 200
+PIPE_WAIT_S: Final = 3.0
+"""For what a pipe brings; whoever makes a file with a command is quicker."""
 
 MERGE: Final = "tag:yaml.org,2002:merge"
 _Base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -74,11 +80,10 @@ def read_plain_yaml(path: Path) -> Any:
     """Return what a YAML file holds, as load_plain_yaml().
 
     Raises:
-        OSError: if it cannot be read.
+        OSError: if it cannot be read, or is a pipe that brings nothing.
         PlainYamlError: if it is too long, not UTF-8, or not such YAML.
     """
-    with open(path, "rb") as file:
-        content = file.read(LARGEST_BYTES + 1)
+    content = _content(path)
     if len(content) > LARGEST_BYTES:
         raise PlainYamlError(f"it is longer than {LARGEST_BYTES} bytes")
     try:
@@ -86,6 +91,24 @@ def read_plain_yaml(path: Path) -> Any:
     except UnicodeDecodeError:
         raise PlainYamlError("it is not a text file in UTF-8") from None
     return load_plain_yaml(text)
+
+
+def _content(path: Path) -> bytes:
+    """Return up to a byte more than is allowed; a pipe is waited for, and not for ever."""
+    if not stat.S_ISFIFO(os.stat(path).st_mode):
+        with open(path, "rb") as file:
+            return file.read(LARGEST_BYTES + 1)
+    content = b""
+    with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb", 0) as pipe:
+        while len(content) <= LARGEST_BYTES:
+            if not select.select([pipe], [], [], PIPE_WAIT_S)[0]:
+                reason = f"it is a pipe that nobody wrote to for {PIPE_WAIT_S:g} s: give a file"
+                raise TimeoutError(errno.ETIMEDOUT, reason)
+            block = pipe.read(1 << 16)
+            if not block:
+                break
+            content += block
+    return content
 
 
 def load_plain_yaml(text: str) -> Any:

@@ -114,6 +114,10 @@ def load_scenario(path_or_name: str | Path) -> Scenario:
     text = str(path_or_name)
     path = Path(text)
     try:
+        if path.is_fifo():
+            raise ScenarioError(
+                f"scenario {text} is a pipe: write it to a .yaml file, and give that"
+            )
         if path.suffix not in (".yaml", ".yml") and not path.is_file():
             path = SCENARIO_FOLDER / f"{text}.yaml"
             if not path.is_file():

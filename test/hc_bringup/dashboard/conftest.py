@@ -80,12 +80,12 @@ class FakeBackend:
 class Served:
     """A running server."""
 
-    def __init__(self, **options: Any) -> None:
+    def __init__(self, *, port: int = 0, token: str = TOKEN, **options: Any) -> None:
         self.backend = FakeBackend()
-        bound = socket.create_server(("127.0.0.1", 0))
+        bound = socket.create_server(("127.0.0.1", port))
         self.port = bound.getsockname()[1]
         self.host = f"127.0.0.1:{self.port}"
-        self.gate = Gate(TOKEN, [self.host], **options)
+        self.gate = Gate(token, [self.host], **options)
         self.server = DashboardServer(self.gate, self.backend, bound)
         self.server.start()
 

@@ -119,6 +119,28 @@ def test_says_when_data_stop_and_comes_back(page: Any, live: Any, make_estimates
     page.wait(lambda: page.text("#state") != "stopped", "going on", 2.0)
 
 
+def test_a_slow_connection_is_not_told_as_silence(
+    page: Any, live: Any, make_estimates: Make
+) -> None:
+    """Regression: "Stopped: no estimates for 9 s." behind a link of 4 kB/s, while they ran."""
+    live.feed(make_estimates(100))
+    live.open(silent_s=0.02)
+    page.wait(lambda: page.text("#state") == "in contact", "a state")
+    seen = set()
+    for part in range(1, 11):  # rows trickle in, and no status between them
+        live.feed(make_estimates(100, first=100 * part))
+        time.sleep(0.25)
+        seen.add(page.text("#state"))
+    assert "slow connection" in seen
+    assert not seen & {"stopped", "disconnected"}
+    assert page.text("#banner").startswith("The connection is slow: what you see is old, by ")
+    assert page.text("#headline").startswith("Last heard:")
+    live.say(silent_s=0.02)
+    page.wait(lambda: page.text("#state") == "in contact", "as before", 2.0)
+    live.say(silent_s=3.0)  # what a status says of a silence is told as one
+    page.wait(lambda: page.text("#state") == "stopped", "stopped", 2.0)
+
+
 def test_a_chart_out_of_sight_catches_up_when_data_have_stopped(
     page: Any, live: Any, make_estimates: Make
 ) -> None:
@@ -168,6 +190,29 @@ def test_an_error_of_the_estimator_stands_on_top_while_it_runs(
     assert page.text("#state") != "stopped"
     live.say(silent_s=0.0, nodes={"estimator": node | {"level": 1}})
     page.wait_for("document.getElementById('banner').hidden")  # a warning has its line below
+
+
+def test_a_recorder_that_cannot_write_is_said_on_top(
+    page: Any, live: Any, make_estimates: Make
+) -> None:
+    """Regression: of a disk that was full only a line at the foot of the page knew."""
+    live.feed(make_estimates(500))
+    full = "cannot write bags/a: No space left on device"
+    recorder = {"level": 2, "message": full, "hardware": "", "values": {}, "age_s": 0.2}
+    estimator = recorder | {"message": "two publishers"}
+    live.open(silent_s=0.0, nodes={"recorder": recorder})
+    page.wait(lambda: page.text("#banner") == f"The recorder says: {full}.", "the banner")
+    assert page.run("return document.getElementById('banner').dataset.level") == "bad"
+    assert page.text("#state") in ("in contact", "law does not fit")
+    live.say(silent_s=0.0, nodes={"recorder": recorder, "estimator": estimator})
+    both = f"The estimator says: two publishers. The recorder says: {full}."
+    page.wait(lambda: page.text("#banner") == both, "both")
+    page.press(" ")  # frozen
+    page.wait(lambda: page.text("#state") == "frozen", "frozen")
+    assert page.text("#banner") == both
+    page.press(" ")
+    live.say(silent_s=0.0, nodes={"recorder": recorder | {"age_s": 9.0}})
+    page.wait_for("document.getElementById('banner').hidden")  # gone: what it said is old
 
 
 def test_what_zeros_that_are_off_would_do_stands_below_the_parameters(

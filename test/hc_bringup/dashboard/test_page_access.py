@@ -9,6 +9,9 @@ from typing import Any
 
 import pytest
 
+from hc_bringup.dashboard.columns import COLUMNS
+from hc_bringup.dashboard.digest import Digest
+
 Make = Callable[..., Any]
 
 pytestmark = [pytest.mark.timeout(180), pytest.mark.process]
@@ -19,6 +22,47 @@ def test_without_the_token_the_page_says_what_to_do(page: Any, serve: Make) -> N
     page.open(served.origin)
     page.wait(lambda: "open the page by the address" in page.text("#banner"), "the banner", 5.0)
     assert served.backend.viewers == 0
+
+
+def test_a_page_is_let_in_by_the_next_dashboard_of_a_run(
+    page: Any, serve: Make, make_estimates: Make, make_stamps: Make
+) -> None:
+    """Regression: after a dashboard that died in a run, an open page said "Not connected" for good.
+
+    What it shows then is of the new one alone, though rows of both have the same numbers.
+    """
+    first = serve()
+    page.open(first.address)
+    page.wait_for("HC.app && HC.app.state === 'connected'")
+    rows = Digest()
+    table = make_estimates(1000)
+    first.server.publish_rows(0, rows.add(table, make_stamps(table), estimates=True))
+    page.wait_for("HC.app.store.count > 0")
+    seen = page.run("return HC.app.store.count")
+    first.server.stop()
+    page.wait(lambda: page.text("#state") == "disconnected", "disconnected", 5.0)
+    second = serve(port=first.port)
+    other = make_estimates(3000, seed=1)
+    added = Digest().add(other, make_stamps(other), estimates=True)
+    assert len(added) > seen
+    second.server.publish_rows(0, added)
+    page.wait_for("HC.app.state === 'connected'", 10.0)
+    page.wait_for(f"HC.app.store.count === {len(added)}")
+    shown = page.run(
+        "const s = HC.app.store;"
+        "return Array.from({length: s.count - s.first}, (_, i) => s.at(s.first + i, 'force'))"
+    )
+    assert shown == added[:, COLUMNS.index("force")].tolist()
+
+
+def test_a_page_with_the_token_of_another_run_is_told_what_to_do(page: Any, serve: Make) -> None:
+    first = serve()
+    page.open(first.address)
+    page.wait_for("HC.app && HC.app.state === 'connected'")
+    first.server.stop()
+    second = serve(port=first.port, token="token-of-another-run")
+    page.wait(lambda: "open the page by the address" in page.text("#banner"), "the banner", 10.0)
+    assert second.backend.viewers == 0
 
 
 class Hostile(http.server.BaseHTTPRequestHandler):

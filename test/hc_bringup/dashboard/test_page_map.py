@@ -68,6 +68,40 @@ def test_the_lump_is_found_and_said(page: Any, live: Any, make_estimates: Make) 
     assert page.complaints() == []
 
 
+@pytest.mark.parametrize("width", [320, 1300])
+def test_the_name_of_the_lump_is_not_cut_off(
+    page: Any, live: Any, make_estimates: Make, width: int
+) -> None:
+    """Regression: "hard spot: 3.0 ± 0.1 times a" in a window of 320 pixels."""
+    page.resize(width, 900)
+    live.feed(make_estimates(100))
+    x_mm = np.arange(80) * 0.5 + 0.25
+    stiffness = 0.2 + 0.4 * np.exp(-(((x_mm - 20.0) / 4.0) ** 2))
+    live.server.publish_map(0, 0.5, map_of(x_mm, stiffness, 1.6))
+    live.open()
+    page.run(
+        """
+        const draw = HC.MapPanel.prototype.drawLump;
+        HC.MapPanel.prototype.drawLump = function (ctx, px, py, box) {
+          const write = ctx.fillText;
+          ctx.fillText = function (text, left, line) {
+            const end = left + ctx.measureText(text).width;
+            window.lumpName = {text, fits: left >= box.left && end <= box.left + box.width};
+            write.call(ctx, text, left, line);
+          };
+          draw.call(this, ctx, px, py, box);
+          ctx.fillText = write;
+        };
+        """
+    )
+    live.feed(make_estimates(100, first=100))
+    live.server.publish_map(0, 0.5, map_of(x_mm, 1.01 * stiffness, 1.6))
+    named = page.wait_for("window.lumpName")
+    assert re.search(r"3\.\d ± 0\.\d times as stiff$", named["text"])
+    assert named["text"].startswith("hard spot: ") == (width > 320)
+    assert named["fits"]
+
+
 def test_a_lump_that_was_not_passed_has_no_place_yet(
     page: Any, live: Any, make_estimates: Make
 ) -> None:

@@ -71,9 +71,10 @@ def run(arguments: argparse.Namespace) -> int:
         heartbeat.doing(f"reading {name_of(arguments)}")
         recording = recording_input.load(arguments)
         reading = recording.findings
-        notes = reading.notes
-        # Rows with one reading are nothing wrong, and notes say how the recording was read.
-        wrong = reading._replace(force_alone=0, displacement_alone=0, notes=())
+        notes = (*reading.being_recorded, *reading.notes)
+        # Rows with one reading are nothing wrong, nor is a bag that goes on; notes say how it was
+        # read.
+        wrong = reading._replace(force_alone=0, displacement_alone=0, being_recorded=(), notes=())
         findings = [Finding(line) for line in wrong.lines()]
         # Of sensors that are read along one axis it is among what was read; samples say not how
         # they were made.

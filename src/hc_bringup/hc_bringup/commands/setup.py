@@ -240,7 +240,9 @@ def _check_stamps(recorded: Any) -> None:
             raise UserError(
                 f"{count} messages of {stream.name} have {different} stamp{'s'[: different > 1]}: "
                 "when each was measured has to stand in header.stamp, with its nanoseconds (hc "
-                f"topic echo {stream.topic} --field header.stamp); its driver has to be mended",
+                f"topic echo {stream.topic} --field header.stamp); its driver has to be mended, "
+                "or a node to stamp each as it comes (docs/guide/own_robot.md, readings without a "
+                "time)",
                 FAILURE,
             )
 

@@ -20,7 +20,8 @@ TOKEN_VARIABLE: Final = "HC_DASHBOARD_TOKEN"
 """Environment variable that gives a node its token: unlike a parameter, nobody else can read it."""
 LARGEST_MESSAGE: Final = 64 * 1024
 """Bytes of a request's body and of a message from a page."""
-MOST_SESSIONS: Final = 64
+_SESSION: Final = b"session of a page"
+"""What the cookie says, signed with the token: it does not tell the token."""
 WRONG_TOKENS: Final = 10
 """So many in a minute, and no token is looked at until the minute is over."""
 MINUTE_S: Final = 60.0
@@ -99,7 +100,7 @@ class Gate:
         self._token = token.encode()
         self.hosts = frozenset(hosts)
         self.foreign_origins = frozenset(foreign_origins)
-        self._sessions: dict[str, None] = {}
+        self._session = hmac.digest(self._token, _SESSION, "sha256").hex()
         self._wrong = RateLimit(WRONG_TOKENS, MINUTE_S)
 
     def check_host(self, headers: Any) -> str:
@@ -161,21 +162,18 @@ class Gate:
             raise RefusedError(403, "this is not the token of the address")
 
     def open_session(self) -> str:
-        """Return a new session's secret, for the cookie; the oldest of too many is forgotten."""
-        session = secrets.token_urlsafe(32)
-        self._sessions[session] = None
-        while len(self._sessions) > MOST_SESSIONS:
-            del self._sessions[next(iter(self._sessions))]
-        return session
+        """Return the secret of a session, for the cookie of a page that knew the token.
+
+        It is the token's own, so that a page is let in again by the process that takes the place
+        of this one with the same token: a dashboard that died in a run.
+        """
+        return self._session
 
     def check_session(self, cookies: Mapping[str, str], name: str) -> None:
-        """Check the cookie of a request.
+        """Check the cookie of a request, in constant time.
 
         Raises:
             RefusedError: if it is missing or unknown.
         """
-        given = _bytes_of(cookies.get(name, ""))
-        # Compared with all of them, so that the time taken says nothing.
-        known = [hmac.compare_digest(given, session.encode()) for session in self._sessions]
-        if not any(known):
+        if not hmac.compare_digest(_bytes_of(cookies.get(name, "")), self._session.encode()):
             raise RefusedError(401, "open the page by the address that was printed")

@@ -11,6 +11,7 @@ import asyncio
 import concurrent.futures
 import json
 import logging
+import secrets
 import socket
 import threading
 from collections.abc import Callable, Coroutine
@@ -109,6 +110,7 @@ class DashboardServer:
             if path.suffix in CONTENT_TYPES
         }
         self._history = History()
+        self._life = secrets.token_hex(8)  # rows of two processes may have the same numbers
         self._map = encode_frame(MAP, 0, 0, np.empty((0, len(MAP_COLUMNS))))
         self._taxels: bytes | None = None
         self._texts: dict[str, str] = {}
@@ -285,7 +287,11 @@ class DashboardServer:
 
     def _greet(self, viewer: Viewer) -> None:
         content = self._backend.hello()
-        content |= {"epoch": self._history.epoch, "rows": self._history.count}
+        content |= {
+            "life": self._life,
+            "epoch": self._history.epoch,
+            "rows": self._history.count,
+        }
         viewer.outbox.put_answer(to_compact_json({"op": "hello", **content}))
         for text in self._texts.values():
             viewer.outbox.put_answer(text)

@@ -164,7 +164,13 @@ def propose(
     order = np.argsort(position.time_s, kind="stable")
     inside = (force.time_s >= position.time_s.min()) & (force.time_s <= position.time_s.max())
     if inside.sum() < LEAST_SAMPLES:
-        raise SetupError("force and position have no time in common: compare their clocks")
+        behind_s = float(np.median(position.time_s) - np.median(force.time_s))
+        way = "behind" if behind_s > 0.0 else "ahead of"
+        raise SetupError(
+            f"the stamps of the force are {abs(behind_s):.0f} s {way} those of the position, and "
+            "were recorded together: two clocks; set one by the other (PTP, chrony), or have both "
+            "drivers stamp by this computer's clock"
+        )
     places = np.column_stack(
         [
             np.interp(force.time_s[inside], position.time_s[order], column[order])

@@ -11,8 +11,10 @@ AHEAD_NS: Final = 10_000_000
 """Clocks that a time server holds differ by less, and nothing here minds so much."""
 OLD_NS: Final = 1_000_000_000
 """What is so old when it is used is not of now: clocks that differ, or a recording."""
-SINCE_START_NS: Final = 10 * 365 * 86_400 * 1_000_000_000
-"""No clock of a computer is so late: such stamps count from a start, not from 1970."""
+DAY_S: Final = 86_400.0
+YEAR_S: Final = 365.25 * DAY_S
+SINCE_START_NS: Final = 40 * 365 * 86_400 * 1_000_000_000
+"""A clock without a battery begins at a date of this century: what is older counts from a start."""
 STEADY_NS: Final = 300_000_000
 """Clocks that differ do so by the same from one look to the next."""
 PACE: Final = 0.05
@@ -102,4 +104,8 @@ class StampWatch:
 
 def _seconds(duration_ns: int) -> str:
     seconds = duration_ns * 1e-9
+    if seconds >= 2.0 * YEAR_S:
+        return f"{seconds / YEAR_S:.0f} years"
+    if seconds >= 2.0 * DAY_S:
+        return f"{seconds / DAY_S:.0f} days"
     return f"{seconds:.0f} s" if seconds >= 100.0 else f"{seconds:.3g} s"

@@ -2,6 +2,8 @@
 "use strict";
 
 HC.FRAME_MS = 45;
+HC.STATUS_LATE_S = 1; // a status comes four times a second: later ones are held up on the way
+HC.PAUSE_S = 0.5; // a silence that a status told of goes on, for all that is known
 
 HC.App = class {
   constructor() {
@@ -42,7 +44,9 @@ HC.App = class {
       HC.setText(document.querySelector("h1"), `hc ${message.space}`);
     }
     this.refreshControls();
-    const kept = this.store.epoch === message.epoch && message.rows >= this.store.count;
+    const kept = this.life === message.life && this.store.epoch === message.epoch &&
+      message.rows >= this.store.count;
+    this.life = message.life;
     const oldest = Math.max(0, message.rows - this.store.capacity);
     if (!kept || this.store.count < oldest) this.store.clear(message.epoch, oldest);
     this.askRows();
@@ -198,16 +202,21 @@ HC.App = class {
       if (reason) return ["no samples", "warn", `No samples since this page was opened. ${reason}`, "bad"];
       return ["no samples yet", "idle", "No samples yet: is a rig or a robot running?"];
     }
-    const silent = status.silent_s + (performance.now() - this.statusAt) / 1000;
-    if (silent > 1) {
+    const late = (performance.now() - this.statusAt) / 1000;
+    if (late > HC.STATUS_LATE_S && status.silent_s <= HC.PAUSE_S) {
+      return ["slow connection", "bad",
+        `The connection is slow: what you see is old, by ${late.toFixed(0)} s at least.`];
+    }
+    const silent = status.silent_s + late;
+    if (status.silent_s > HC.PAUSE_S && silent > 1) {
       const what = status.estimating ? "estimates" : "samples";
       const why = HC.reasonOf(status.nodes) || HC.silenceOf(status.nodes);
       return ["stopped", "bad",
         `Stopped: no ${what} for ${silent.toFixed(0)} s. ${why}`.trim()];
     }
-    if (this.frozen) return ["frozen", "idle", ""];
-    if (!this.store || this.store.empty) return ["waiting", "idle", ""];
-    const wrong = HC.reasonOf(status.nodes, HC.ERROR);
+    const wrong = HC.errorsOf(status.nodes);
+    if (this.frozen) return ["frozen", "idle", wrong, "bad"];
+    if (!this.store || this.store.empty) return ["waiting", "idle", wrong, "bad"];
     if (this.store.last("mismatch")) return ["law does not fit", "warn", wrong, "bad"];
     const touches = this.store.last("contact");
     return touches ? ["in contact", "good", wrong, "bad"] : ["in the air", "idle", wrong, "bad"];

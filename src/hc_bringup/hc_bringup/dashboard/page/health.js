@@ -78,6 +78,14 @@ HC.reasonOf = function (nodes, least = HC.WARNING) {
   return `The estimator says: ${estimator.message}.`;
 };
 
+/* What any node calls an error, the estimator first: a recorder that cannot write says it nowhere else. */
+HC.errorsOf = function (nodes) {
+  const others = Object.entries(nodes || {}).sort().filter(([name, node]) =>
+    name !== "estimator" && node.level === HC.ERROR && node.age_s <= 2.5);
+  return [HC.reasonOf(nodes, HC.ERROR),
+    ...others.map(([name, node]) => `The ${name} says: ${node.message}.`)].filter(Boolean).join(" ");
+};
+
 /* That the estimator says nothing at all, where it once did. */
 HC.silenceOf = function (nodes) {
   const estimator = (nodes || {}).estimator;

@@ -161,7 +161,7 @@ HC.MapPanel = class {
   drawLump(ctx, px, py, box) {
     const { x, y, value } = this.lump;
     const ratio = devicePixelRatio;
-    const text = (this.lump.passed ? "hard spot: " : "harder to here: ") + HC.lumpFactor(this.lump);
+    let text = (this.lump.passed ? "hard spot: " : "harder to here: ") + HC.lumpFactor(this.lump);
     const plane = this.kind === "plane";
     const [atX, atY] = [px(x), py(plane ? y : value)];
     ctx.strokeStyle = HC.palette.ink;
@@ -171,7 +171,11 @@ HC.MapPanel = class {
     else ctx.arc(atX, atY, 5 * ratio, 0, 7);
     ctx.stroke();
     ctx.font = `600 ${12 * ratio}px system-ui, sans-serif`;
-    const wide = ctx.measureText(text).width;
+    let wide = ctx.measureText(text).width;
+    if (wide + 12 * ratio > box.width) { // a narrow window: how much harder is what counts
+      text = HC.lumpFactor(this.lump);
+      wide = ctx.measureText(text).width;
+    }
     // Along a line it stands at the foot, where nothing is drawn; over a plane beside the spot.
     const inside = (from) => Math.max(box.left + 6 * ratio,
       Math.min(box.left + box.width - wide - 6 * ratio, from));
