@@ -218,10 +218,10 @@ def factor(color: Any, channel: Any) -> float:
         before, likely = ratio, 1.0
         if ratio > largest_by_noise(_freedom(color, k), SURELY):
             likely = ratio
-            if not wide:
-                largest = max(largest, ratio)
-            else:
+            if wide:
                 likely -= color.moved[k] / channel.mean
+            else:
+                largest = max(largest, ratio)
     return largest
 
 

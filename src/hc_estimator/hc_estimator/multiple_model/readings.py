@@ -105,13 +105,14 @@ def _note_motion(settings: Any, bank: Any) -> None:
     for k in range(noise_color.OCTAVES):
         time = noise_color.interval(noise[1], k)
         x = noise_color.deviation_by_motion(color[0], noise[0], time)
+        squared_force = math.inf
         if x < math.inf:
             if x * math.pi / time > fastest:
                 fastest, frequency = x * math.pi / time, math.pi / time
             deeper = force_at(settings, row, depth + x, 0.0) - at_rest
             faster = force_at(settings, row, depth, frequency * x) - at_rest
-            x = deeper * deeper + faster * faster
-        color[1].moved[k] = 2.0 ** (k + 1) * x
+            squared_force = deeper * deeper + faster * faster
+        color[1].moved[k] = 2.0 ** (k + 1) * squared_force
 
 
 @compiled

@@ -24,6 +24,7 @@ from hc_estimator.multiple_model.zero_records import (
 SIGNIFICANT = 8.0  # decrease of the weighted squares beyond that
 PENALTY = 9.0  # of the same, that another unknown must be worth: three deviations
 BETTER_BY = 16.0  # decrease by which one choice is better than another
+FINER = 0.5  # of the deviation that zeros in use leave to ln K, at which they are found anew
 WANDERS = 4.0  # square of a change by which zeros of the same choice have become others
 
 
@@ -125,6 +126,21 @@ def wanders(zeros: Any, unknown: int, sinks: bool) -> bool:
     position, force = zeros.position - zeros.begun[0], zeros.force - zeros.begun[1]
     square = square_of(zeros.begun_covariance, unknown, position, force)
     return bool(square > WANDERS * number_of(unknown))
+
+
+@compiled
+def is_worth_it(zeros: Any, unknown: int, sinks: bool) -> bool:
+    """True if zeros are to move to those of the fit."""
+    if unknown != zeros.unknown:
+        return True
+    if unknown == NONE:
+        return False
+    square = square_of(zeros.covariance, unknown, zeros.position, zeros.force)
+    if square > SIGNIFICANT + PENALTY * number_of(unknown):
+        return True
+    if sinks:
+        return False
+    return bool(math.sqrt(zeros.doubt_of_fit[0, 0]) < FINER * zeros.deviation)
 
 
 @compiled

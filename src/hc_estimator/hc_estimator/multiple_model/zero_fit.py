@@ -57,13 +57,11 @@ from hc_estimator.multiple_model.rows import is_held
 from hc_estimator.multiple_model.spline_fit import CONSISTENT, solve_least_squares
 from hc_estimator.multiple_model.spline_records import MOVES, SINKS, STAYS, VARIES
 from hc_estimator.multiple_model.zero_choice import (
-    PENALTY,
     SIGNIFICANT,
     choose,
     cost_of_air,
-    number_of,
+    is_worth_it,
     speaks_against,
-    square_of,
     wanders,
 )
 from hc_estimator.multiple_model.zero_records import BOTH, NONE, OF_FORCE, OF_POSITION
@@ -86,7 +84,6 @@ EVERY = 1.0  # time in contact between two fits [s]
 LEAST_TIME = 2.0  # that they must span [s]
 LEAST_TIME_VARYING = 6.0  # the same where the tissue or the surface does not stay [s]
 LASTING = 2.0  # time in contact for which a choice must stay the same [s]
-FINER = 0.5  # of the deviation that zeros in use leave to ln K, at which they are found anew
 LEAST_POSITION = 0.05  # [mm]
 LEAST_ZERO = 0.005  # of the largest force
 LARGEST_POSITION = 0.5  # of the largest depth
@@ -190,7 +187,7 @@ def look(settings: Any, bank: Any) -> bool:
     if unknown == NONE and zeros.unknown != NONE and not speaks_against(zeros, possible):
         unknown = zeros.unknown
     zero_sensitivity.note_doubt(zeros, possible, zeros.doubt_of_fit)
-    zeros.shown = zeros.doubt_of_fit[0, 0]
+    shown = zeros.doubt_of_fit[0, 0]
     if unknown != possible and (unknown != NONE or zeros.unknown != NONE):
         copy_vector(zeros.fit, zeros.change)
         copy_matrix(zeros.doubt_of_fit, zeros.doubt_of_both)
@@ -200,11 +197,11 @@ def look(settings: Any, bank: Any) -> bool:
             return False
         zero_sensitivity.note_covariance(zeros, fit)
         zero_sensitivity.note_doubt(zeros, unknown, zeros.doubt_of_fit)
-        zeros.shown = zeros.doubt_of_fit[0, 0]
+        shown = zeros.doubt_of_fit[0, 0]
         zero_sensitivity.average(zeros, unknown, possible)
     if sinks and zeros.unknown != NONE:
         zeros.position = 0.0  # where the surface is by now is for the rows that follow it
-    if not _is_worth_it(zeros, unknown, sinks) or not _is_possible(history, zeros, first):
+    if not is_worth_it(zeros, unknown, sinks) or not _is_possible(history, zeros, first):
         zeros.waiting = 0
     elif zeros.waiting == 0 or zeros.candidate != unknown or wanders(zeros, unknown, sinks):
         zeros.waiting = 1
@@ -216,11 +213,11 @@ def look(settings: Any, bank: Any) -> bool:
     # Tissue that has just changed looks the same for as long as the change was not found.
     if zeros.waiting != 0 and clock - zeros.since >= LASTING:
         if zeros.unknown != NONE or _explains_more(settings, bank, possible):
-            _use(bank.onset, zeros, unknown, sinks)
+            _use(bank.onset, zeros, unknown, sinks, shown)
             return True
         zeros.waiting = 0
     if zeros.unknown != NONE and zeros.unknown == unknown:
-        zero_sensitivity.keep_doubt(zeros)
+        zero_sensitivity.keep_doubt(zeros, shown)
     return False
 
 
@@ -330,21 +327,6 @@ def _hold_others(fit: Any, unknown: int, moved: Any) -> None:
 
 
 @compiled
-def _is_worth_it(zeros: Any, unknown: int, sinks: bool) -> bool:
-    """True if zeros are to move to those of the fit."""
-    if unknown != zeros.unknown:
-        return True
-    if unknown == NONE:
-        return False
-    square = square_of(zeros.covariance, unknown, zeros.position, zeros.force)
-    if square > SIGNIFICANT + PENALTY * number_of(unknown):
-        return True
-    if sinks:
-        return False
-    return bool(math.sqrt(zeros.doubt_of_fit[0, 0]) < FINER * zeros.deviation)
-
-
-@compiled
 def _is_possible(history: Any, zeros: Any, first: int) -> bool:
     """False for zeros that are too far off, or too little, to be moved."""
     deepest, largest = histories.largest(history, first)
@@ -361,8 +343,11 @@ def _is_possible(history: Any, zeros: Any, first: int) -> bool:
 
 
 @compiled
-def _use(onset: Any, zeros: Any, unknown: int, sinks: bool) -> None:
-    """Note by how much the zeros are to move, and what is then left open."""
+def _use(onset: Any, zeros: Any, unknown: int, sinks: bool, shown: float) -> None:
+    """Note by how much the zeros are to move, and what is then left open.
+
+    `shown` is the variance of ln K by these zeros, be they all that is off.
+    """
     zeros.unknown = unknown
     zeros.waiting = 0
     clear_vector(zeros.off)
@@ -379,7 +364,7 @@ def _use(onset: Any, zeros: Any, unknown: int, sinks: bool) -> None:
         onset.force_deviation = math.sqrt(max(zeros.covariance[1, 1], 0.0))
     copy_matrix(zeros.doubt_of_fit, zeros.doubt)
     zeros.deviation = math.sqrt(zeros.doubt[0, 0])
-    zeros.least = zeros.shown
+    zeros.least = shown
 
 
 @compiled

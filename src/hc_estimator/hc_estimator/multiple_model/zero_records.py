@@ -22,8 +22,7 @@ ZEROS = record_type(
         # think so: root mean squares of position [mm] and force [N].
         Field("off", np.float64, (2,), 0.0),
         Field("deviation", np.float64, (), 0.0),  # of ln K by that, when they were found
-        # Variance of ln K by the zeros of the last fit, be they all that is off; least since then.
-        Field("shown", np.float64, (), 0.0),
+        # Least variance of ln K by those in use, be they all that is off, of any fit since then.
         Field("least", np.float64, (), 0.0),
         # The same by the last fit, and by one with both zeros unknown.
         Field("doubt_of_fit", np.float64, (4, 4)),

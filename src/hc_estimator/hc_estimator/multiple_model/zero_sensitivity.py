@@ -106,15 +106,19 @@ def average(zeros: Any, unknown: int, possible: int) -> None:
 
 
 @compiled
-def keep_doubt(zeros: Any) -> None:
+def keep_doubt(zeros: Any, shown: float) -> None:
     """What the zeros in use leave open by now: the fit's doubt, and what it would change.
 
     Points that show far less than others did, as in a hold, are no reason to doubt more: K was
     found from those others. That it may be another zero, is.
+
+    Args:
+        zeros: changed.
+        shown: variance of ln K by the zeros of the last fit, be they all that is off.
     """
-    if zeros.shown > SHOWN * zeros.least:
+    if shown > SHOWN * zeros.least:
         return
-    zeros.least = min(zeros.least, zeros.shown)
+    zeros.least = min(zeros.least, shown)
     position, force = zeros.position, zeros.force
     for i in range(4):
         zeros.change[i] = zeros.slopes_by[i, 0] * position + zeros.slopes_by[i, 1] * force
