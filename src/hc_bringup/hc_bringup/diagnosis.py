@@ -173,8 +173,8 @@ def diagnose(
         findings.append(
             Finding(
                 f"the contact law does not fit in {100 * after.mismatch:.0f} % of the contact: "
-                "relaxing or layered tissue, a tool that slides, several places one after another "
-                "(hc contacts --sites), or a fault above"
+                "relaxing or layered tissue, a tool that slides, friction on its way (a cannula), "
+                "several places one after another (hc contacts --sites), or a fault above"
             )
         )
     if after is not None and (line := dishonest_line(after.nis)):

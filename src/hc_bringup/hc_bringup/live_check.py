@@ -25,6 +25,7 @@ from hc_bringup.treated_samples import FORCE_LIMIT
 from hc_bringup.turn_watch import TurnWatch
 from hc_bringup.turning import turning_line
 from hc_estimator.ros.node_settings import OWN_SENSORS
+from hc_estimator.stream.dry_friction import DryFriction
 from hc_estimator.stream.frame_compliance import FrameCompliance
 from hc_estimator.stream.merger import MAXIMUM_WAIT_S, TRANSPORT_S, needed_wait_s
 from hc_estimator.stream.vocabulary import CHANNEL_DELAY, CONTACT_POSITION_STD
@@ -159,6 +160,9 @@ def listen(node: str, seconds: float, request: str = "") -> Heard:
         rows[:, 1] -= heard.settings.get("position.zero", 0.0)
         rows[:, 1] -= frame.of_many(stamps, rows[:, 2], zero_n)
         rows[:, 2] -= zero_n
+        friction = DryFriction()
+        friction.configure({f"input.{name}": value for name, value in heard.settings.items()})
+        rows[:, 2] -= friction.of_many(rows[:, 1])
     heard.rows = (rows[:, 0], rows[:, 1], rows[:, 2])
     return heard
 

@@ -12,8 +12,6 @@ from hc_msgs_py.units import NANOSECONDS
 if TYPE_CHECKING:
     from hc_estimator.stream.tare import TareResult
 
-FARTHEST = 1.2
-"""Times what the tool moved: a robot gives way no further, and readings have noise."""
 LEAST_TOGETHER = 0.5
 """Share of a recording in which an offset has to leave both channels."""
 _FIRST = 20_000
@@ -153,66 +151,11 @@ def what_is_allowed(name: str, value: float | str) -> str:
     """Return what an input setting may be if this cannot be one, else nothing."""
     from hc_estimator.ros.node_settings import NODE_SETTINGS
 
-    if not name.endswith((".scale", ".frame_compliance", ".stamps")):
+    checked = (".scale", ".frame_compliance", ".dry_friction", ".presliding", ".stamps")
+    if not name.endswith(checked):
         return ""
     setting = NODE_SETTINGS[f"input.{name}"]
     return "" if setting.accepted(value) is not None else setting.allowed
-
-
-def less_compliance(recording: Any, mm_per_n: float, *, of_samples: bool) -> Any:
-    """Return a recording without what the robot gave way under the force of the moment.
-
-    Args:
-        recording: hc_logger.recorded.Recording.
-        mm_per_n: the frame's compliance.
-        of_samples: whether its samples were read, which may be less it already.
-
-    Raises:
-        ValueError: if the robot would have given way further than the tool moved.
-    """
-    import numpy as np
-
-    from hc_estimator.stream.frame_compliance import FrameCompliance
-
-    if not mm_per_n:
-        return recording
-    yielded_mm = FrameCompliance(mm_per_n).of_many(recording.stamps, recording.force_n)
-    displacement_mm = recording.displacement_mm - yielded_mm
-    most_mm, moved_mm = (_range(values) for values in (yielded_mm, recording.displacement_mm))
-    if most_mm > FARTHEST * moved_mm:
-        raise ValueError(
-            f"position.frame_compliance={mm_per_n:g} takes off {most_mm:.3g} mm, and the tool "
-            f"moves by {moved_mm:.3g} mm only: is it in mm/N, and are signs and units right?"
-        )
-    notes = [f"frame compliance {mm_per_n:g} mm/N: up to {most_mm:.3g} mm taken off"]
-    lost = np.isnan(displacement_mm) & ~np.isnan(recording.displacement_mm)
-    if of_samples and (already := recording.frame_compliance_taken_off):
-        notes.append(
-            f"its samples are recorded less {already:g} mm/N already: {already + mm_per_n:g} in all"
-        )
-    unknown = int(np.count_nonzero(lost))
-    if unknown:
-        notes.append(
-            f"{unknown} displacement{'s'[: unknown > 1]} left out: no force near them says how far "
-            "the robot gave way"
-        )
-    findings = recording.findings
-    return dataclasses.replace(
-        recording,
-        displacement_mm=displacement_mm,
-        findings=findings._replace(notes=(*findings.notes, *notes)),
-    )
-
-
-def _range(values: Any) -> float:
-    """Return how far readings go apart, spikes and what is no number left out."""
-    import numpy as np
-
-    from hc_estimator.stream.readings import robust_range
-
-    finite = values[np.isfinite(values)]
-    low, high = robust_range(finite) if len(finite) else (0.0, 0.0)
-    return high - low
 
 
 def each_once(recording: Any, settings: Mapping[str, Any]) -> Any:

@@ -142,10 +142,21 @@ def _of_sensors(
         "      source: sensors",
         "      force:",
         *_sensor(force, found.force, "N", offsets.get("force", 0.0)),
+        *_friction(found),
         "      position:",
         f"        type: {position.kind}",
         *_sensor(position, found.position, "mm", offsets.get("position", 0.0)),
         *_pairing(min(found.force.rate_hz, found.position.rate_hz), offsets),
+    ]
+
+
+def _friction(found: SetupProposal) -> list[str]:
+    """Return what holds the tool back, nothing if nothing does."""
+    if not found.dry_friction:
+        return []
+    return [
+        f"        dry_friction: {_number(found.dry_friction)}   # N; between sensor and tissue",
+        f"        presliding: {_number(found.presliding)}   # mm; from rest, until it slides",
     ]
 
 
@@ -176,7 +187,9 @@ def _of_effort(position: Stream, found: SetupProposal) -> list[str]:
         "   # N per unit of effort",
         "        # mass: 0.5            # kg; what the motor moves, and its friction:",
         "        # damping: 0.0         # N s/mm",
-        "        # dry_friction: 0.0    # N",
+        f"        dry_friction: {_number(found.dry_friction)}   # N"
+        if found.dry_friction
+        else "        # dry_friction: 0.0    # N",
         "      force:",
         f"        zero: {_number(zero_n)}   # N",
         "      position:",

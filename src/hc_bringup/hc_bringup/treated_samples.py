@@ -15,11 +15,13 @@ from hc_estimator import Rejection, create_estimator
 from hc_estimator.kinds import DEFAULT_FILTER
 from hc_estimator.stream.arrival_clock import ARRIVAL
 from hc_estimator.stream.arrival_stamps import find_even_times
+from hc_estimator.stream.dry_friction import DryFriction
+from hc_estimator.stream.friction_checks import CLEAR, find_friction, find_presliding
 from hc_estimator.stream.in_pieces import run_in_pieces
-from hc_estimator.stream.readings import Check, Suspicion, robust_range
+from hc_estimator.stream.readings import Check, Suspicion, robust_range, whole
 from hc_estimator.stream.repeats import once_each
 from hc_estimator.stream.sensor_setup import SURFACE_SHARE
-from hc_estimator.stream.together import of_two_readings
+from hc_estimator.stream.together import of_two_readings, together
 from hc_msgs_py.units import NANOSECONDS
 
 FloatArray = NDArray[np.float64]
@@ -123,6 +125,8 @@ class Samples:
             if doubt.channel in ("force", "both"):
                 self.scale_force(doubt.remedy)
                 settings[f"force.{name}"] = value
+        elif doubt.check is Check.FRICTION:
+            settings |= self.take_friction()
         elif doubt.check is Check.FORCE_ZERO:
             self.take_force_zero(doubt.remedy)
             settings["force.zero"] = rounded(doubt.remedy, 4)
@@ -132,6 +136,24 @@ class Samples:
             # A glance at where the force begins: taken for exact, K would be wrong and sure.
             self.surface_std_mm = SURFACE_SHARE * (high - low)
             settings["position.zero"] = rounded(doubt.remedy, 3)
+        return settings
+
+    def take_friction(self) -> dict[str, Any]:
+        """Take off the friction that the air shows; return the settings that do so."""
+        _, depth_mm, force_n = together(self.time_s, self.displacement_mm, self.force_n)
+        found = whole(find_friction(depth_mm, force_n))
+        if found is None:
+            return {}
+        way_mm = float(f"{find_presliding(depth_mm, force_n, found):.2g}")
+        friction = DryFriction(rounded(found.newtons, 4), way_mm)
+        settings: dict[str, Any] = {
+            "force.dry_friction": friction.newtons,
+            "force.presliding": way_mm,
+        }
+        self.force_n = self.force_n - friction.of_many(self.displacement_mm)
+        if abs(found.zero_n) > CLEAR * found.deviation_n:
+            self.take_force_zero(found.zero_n)
+            settings["force.zero"] = rounded(found.zero_n, 4)
         return settings
 
     def count_once(self, channel: str) -> None:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_estimator.stream import dry_friction
 from hc_estimator.stream.frame_compliance import TAKEN_OFF_ALREADY
 from hc_estimator.stream.repeats import channels_held_by
 from hc_estimator.stream.vocabulary import CHANNEL_DELAY, CONTACT_POSITION_STD
@@ -247,6 +248,17 @@ class Recording:
         if not self.is_bag or not self.configurations:
             return 0.0
         return float(self.configurations[-1].parameters.get(TAKEN_OFF_ALREADY, 0.0))
+
+    @cached_property
+    def dry_friction_taken_off(self) -> float:
+        """Dry friction that a bag's samples are recorded less, as it was set last [N].
+
+        Raises:
+            BagError: if the bag has several topics of configurations.
+        """
+        if not self.is_bag or not self.configurations:
+            return 0.0
+        return float(self.configurations[-1].parameters.get(dry_friction.TAKEN_OFF_ALREADY, 0.0))
 
     @cached_property
     def counted_once(self) -> tuple[str, ...]:

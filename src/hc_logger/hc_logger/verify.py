@@ -23,8 +23,9 @@ from hc_estimator import (
     create_estimator,
     parameter_specifications,
 )
-from hc_estimator.stream import frame_compliance, repeats
-from hc_estimator.stream.frame_compliance import TAKEN_OFF_ALREADY, FrameCompliance
+from hc_estimator.stream import frame_compliance
+from hc_estimator.stream.dry_friction import DryFriction
+from hc_estimator.stream.frame_compliance import FrameCompliance
 from hc_estimator.stream.handover import hand_over
 from hc_estimator.stream.in_pieces import run_in_pieces
 from hc_estimator.stream.vocabulary import LOADED_STATE, Cause
@@ -118,11 +119,12 @@ def verify(recording: Recording) -> VerificationReport:
     rows = _sample_rows(recording, estimates)
     lives = _lives(configurations)
     estimator: Estimator | None = None
-    frame = FrameCompliance()
+    frame, friction = FrameCompliance(), DryFriction()
     life, revision = -1, 0
     for segment in _segments(estimates):
         if segment.life != life:
-            life, revision, estimator, frame = segment.life, 0, None, FrameCompliance()
+            life, revision, estimator = segment.life, 0, None
+            frame, friction = FrameCompliance(), DryFriction()
         known = lives[life] if life < len(lives) else {}
         reason = ""
         while revision < segment.revision:
@@ -144,6 +146,7 @@ def verify(recording: Recording) -> VerificationReport:
                 )
                 estimator = None
         places = _displacements(recording, own, chosen, frame)
+        forces = _forces(recording, own, chosen, friction, places)
         missing = np.flatnonzero(own < 0)
         known_until = int(missing[0]) if len(missing) else len(own)
         if estimator is None or chosen is None:
@@ -151,7 +154,8 @@ def verify(recording: Recording) -> VerificationReport:
         elif known_until:
             some = slice(known_until)
             recorded = estimates[segment.start : segment.end][some]
-            _compare(estimator, chosen, recording, own[some], places[some], recorded, report)
+            readings = (places[some], forces[some])
+            _compare(estimator, chosen, recording, own[some], readings, recorded, report)
         if len(missing) and estimator is not None:
             were = "was" if len(missing) == 1 else "were"
             reason = f"{len(missing)} of their samples {were} not recorded"
@@ -182,6 +186,23 @@ def _displacements(
     yielded_mm = frame.of_many(recording.stamps[rows], recording.force_n[rows], force_zero_n)
     result: NDArray[np.float64] = (
         recording.displacement_mm[rows] - taken_off.get(POSITION_ZERO, 0.0) - yielded_mm
+    )
+    return result
+
+
+def _forces(
+    recording: Recording,
+    rows: NDArray[np.int64],
+    configuration: RecordedConfiguration | None,
+    friction: DryFriction,
+    displacements_mm: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the forces [N] of samples as the estimator was given them, as `_displacements`."""
+    taken_off = {} if configuration is None else configuration.parameters
+    friction.configure(taken_off)
+    zero_n = taken_off.get(FORCE_ZERO, 0.0)
+    result: NDArray[np.float64] = (
+        recording.force_n[rows] - zero_n - friction.of_many(displacements_mm)
     )
     return result
 
@@ -273,11 +294,11 @@ def _kind(configuration: RecordedConfiguration) -> tuple[str, str, str]:
 
 def _parameters(configuration: RecordedConfiguration) -> dict[str, Any]:
     """Return the estimator's own parameters, without the input's and a loaded state."""
-    others = (
-        *(FORCE_ZERO, POSITION_ZERO, FRAME_COMPLIANCE, TAKEN_OFF_ALREADY, LOADED_STATE),
-        *repeats.SETTINGS.values(),
-    )
-    return {n: v for n, v in configuration.parameters.items() if n not in others}
+    return {
+        name: value
+        for name, value in configuration.parameters.items()
+        if not (name.startswith("input.") or name == LOADED_STATE)
+    }
 
 
 def _unknown(configuration: RecordedConfiguration, parameters: dict[str, Any]) -> list[str]:
@@ -301,12 +322,12 @@ def _compare(
     configuration: RecordedConfiguration,
     recording: Recording,
     rows: NDArray[np.int64],
-    displacement_mm: NDArray[np.float64],
+    readings: tuple[NDArray[np.float64], NDArray[np.float64]],
     recorded: NDArray[Any],
     report: VerificationReport,
 ) -> None:
-    """Run the estimator over the samples of a segment and compare."""
-    force = recording.force_n[rows] - configuration.parameters.get(FORCE_ZERO, 0.0)
+    """Run the estimator over displacements [mm] and forces [N] of a segment and compare."""
+    displacement_mm, force = readings
     series = run_in_pieces(
         estimator,
         (recording.stamps[rows] - configuration.time_origin_ns) * 1e-9,

@@ -128,7 +128,16 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _of_one_message(finding: Any) -> Any:
-    """Return a finding where force and position come in one message: no stamp of theirs is late."""
+    """Return a finding where force and position come in one message: no stamp of theirs is late.
+
+    Friction there is the joint's own.
+    """
+    friction = finding.settings.get("force.dry_friction")
+    if friction is not None:
+        others = {n: v for n, v in finding.settings.items() if n == "force.zero"}
+        settings = {"effort.dry_friction": friction, **others}
+        what = finding.what.replace("force.dry_friction", "effort.dry_friction")
+        return dataclasses.replace(finding, what=what, settings=settings)
     if not any("time_offset" in name or "delay" in name for name in finding.settings):
         return finding
     why = (
@@ -208,13 +217,16 @@ def apply(present: dict[str, Any], correction: dict[str, Any]) -> dict[str, Any]
     changed: dict[str, Any] = {}
     for name, value in correction.items():
         sensor, _point, key = name.partition(".")
-        if key in ("", "held", "stamps"):  # not added to what was set before
+        if key in ("", "held", "stamps", "presliding"):  # not added to what was set before
             changed[name] = value
         elif key in ("sign", "scale"):
             changed[name] = type(value)(present.get(name, 1) * value)
             zero = present.get(f"{sensor}.zero", 0.0)
             if zero:
                 changed[f"{sensor}.zero"] = rounded(zero * value, 4)
+            friction = present.get(f"{sensor}.dry_friction", 0.0)
+            if friction:
+                changed[f"{sensor}.dry_friction"] = rounded(friction * abs(value), 4)
             if sensor == "position" and CONTACT_POSITION_STD in present:
                 deviation_mm = abs(present[CONTACT_POSITION_STD] * value)
                 changed[CONTACT_POSITION_STD] = float(f"{deviation_mm:.2g}")

@@ -185,6 +185,11 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
     _refuse_counts(found)
     if FORCE_LIMIT in corrections:
         found = found._replace(force_limit=corrections[FORCE_LIMIT])
+    if "force.dry_friction" in corrections:
+        found = found._replace(
+            dry_friction=corrections["force.dry_friction"],
+            presliding=corrections["force.presliding"],
+        )
     effort = recorded.force.kind == "effort"
     _tell(recorded.force, found.force, "N")
     _tell(recorded.position, found.position, "mm")

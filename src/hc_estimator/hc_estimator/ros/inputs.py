@@ -10,6 +10,7 @@ from rclpy.node import Node
 
 from hc_estimator.ros.channel import Channel
 from hc_estimator.stream import frame_compliance
+from hc_estimator.stream.dry_friction import DryFriction
 from hc_estimator.stream.frame_compliance import FrameCompliance
 from hc_estimator.stream.normal_finder import NormalFinder
 from hc_estimator.stream.vocabulary import Batch
@@ -99,6 +100,7 @@ class SampleInput:
         self._decoder = SampleDecoder()
         self._frame_id = ""
         self._frame = FrameCompliance()
+        self._friction = DryFriction()
         self._channel = self._subscribe(node, receiver)
         self.channels = (self._channel,)
         self.configure(values)
@@ -121,6 +123,7 @@ class SampleInput:
         self._force_zero = values["input.force.zero"]
         self._position_zero = values["input.position.zero"]
         self._frame.mm_per_n = values[frame_compliance.SETTING.name]
+        self._friction.configure(values)
         self._channel.maximum_backlog = values["input.maximum_backlog"]
 
     @property
@@ -164,6 +167,7 @@ class SampleInput:
         if len(stamps) >= self._receiver.fewest_together():
             places, pushes = displacements - self._position_zero, forces - self._force_zero
             places -= self._frame.of_many(stamps, forces, self._force_zero)
+            pushes -= self._friction.of_many(places)
             self._receiver.on_samples(Batch(stamps, sequences, places, pushes))
             return
         columns = (column.tolist() for column in samples)
@@ -176,6 +180,7 @@ class SampleInput:
     ) -> None:
         place_mm, push_n = displacement_mm - self._position_zero, force_n - self._force_zero
         place_mm -= self._frame.yielded_mm(stamp_ns, force_n, self._force_zero)
+        push_n -= self._friction.at(place_mm)
         self._receiver.on_sample(stamp_ns, sequence, place_mm, push_n)
 
 

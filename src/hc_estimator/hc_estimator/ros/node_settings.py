@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hc_estimator.ros.effort_settings import EFFORT_SETTINGS
 from hc_estimator.ros.sensor_settings import sensor_settings
-from hc_estimator.stream import frame_compliance
+from hc_estimator.stream import dry_friction, frame_compliance
 from hc_estimator.stream.merger import MAXIMUM_WAIT_S
 from hc_estimator.stream.vocabulary import SessionSettings
 from hc_msgs_py.specification import ParameterSpecification, setting
@@ -40,6 +40,7 @@ READING = frozenset(
         "input.position.child_frame",
         "input.position.base_frame",
         frame_compliance.SETTING.name,
+        *(setting.name for setting in dry_friction.SETTINGS),
         "input.contact.frame",
         "input.contact.point",
         "input.contact.normal",
@@ -106,6 +107,7 @@ NODE_SETTINGS = _table(
         "the type that input.position.type says",
     ),
     frame_compliance.SETTING,
+    *dry_friction.SETTINGS,
     *EFFORT_SETTINGS,
     setting(
         "input.position.type",

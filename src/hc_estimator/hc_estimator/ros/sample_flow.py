@@ -18,7 +18,7 @@ from hc_estimator.ros.state_keeper import StateKeeper
 from hc_estimator.ros.status import StatusReporter
 from hc_estimator.ros.zero_setting import ZeroSetting
 from hc_estimator.ros.zeroing import TAKEN_OFF
-from hc_estimator.stream import frame_compliance, repeats
+from hc_estimator.stream import dry_friction, frame_compliance, repeats
 from hc_estimator.stream.contacts import ContactSummary
 from hc_estimator.stream.session import EstimationSession
 from hc_estimator.stream.suspicion_watch import SuspicionWatch
@@ -165,6 +165,8 @@ class SampleFlow:
         zeros = {name: values[name] for name in TAKEN_OFF}
         if own:  # what is taken off twice does not show, as a zero would
             zeros = {frame_compliance.TAKEN_OFF_ALREADY: values[frame_compliance.SETTING.name]}
+            if values["input.source"] == "sensors":
+                zeros[dry_friction.TAKEN_OFF_ALREADY] = values[dry_friction.DRY_FRICTION.name]
             zeros |= {repeats.SETTINGS[channel]: True for channel in counted_once(values)}
         session = self._configured()
         loaded = session.loaded if revision.cause is Cause.STATE_LOADED else None

@@ -29,6 +29,7 @@ from hc_estimator.stream import frame_compliance
 from hc_estimator.stream.arrival_clock import ARRIVAL, ArrivalClock, Timed
 from hc_estimator.stream.contact_frame import Quaternion, Vector, unit_quaternion
 from hc_estimator.stream.contact_reading import ContactReading
+from hc_estimator.stream.dry_friction import DryFriction
 from hc_estimator.stream.frame_compliance import FrameCompliance
 from hc_estimator.stream.merger import Merged, Merger
 from hc_estimator.stream.normal_finder import NormalFinder
@@ -75,6 +76,7 @@ class SensorInput:
             moves = values["input.contact.normal_from"] == "topic"
             self._contact = ContactReading(contact_frame(values), moves=moves)
         self._frame = FrameCompliance()
+        self._friction = DryFriction()
         self._repeated_forces, self._repeated_positions = Repeats(), Repeats()
         self._force_clock: ArrivalClock | None = None
         self._position_clock: ArrivalClock | None = None
@@ -127,6 +129,7 @@ class SensorInput:
         self._force_zero = values["input.force.zero"]
         self._position_zero = values["input.position.zero"]
         self._frame.mm_per_n = values[frame_compliance.SETTING.name]
+        self._friction.configure(values)
         self._force_mapping = sensor_mapping(values, "force")
         self._position_mapping = sensor_mapping(values, "position")
         self._force_factor = values["input.force.sign"] * values["input.force.scale"]
@@ -172,6 +175,7 @@ class SensorInput:
             self._repeated_forces.forget()
             self._repeated_positions.forget()
             self._frame = FrameCompliance(self._frame.mm_per_n)
+            self._friction = DryFriction(self._friction.newtons, self._friction.presliding_mm)
             self._base_frame_id = ""  # another one may be meant now
         self._reading = reading
 
@@ -321,7 +325,7 @@ class SensorInput:
                 continue
             # The estimator gets what a recorder gets, to the last bit.
             displacement_mm = sent_mm(reading[0] - self._position_zero)
-            force_n = reading[1] - self._force_zero
+            force_n = reading[1] - self._force_zero - self._friction.at(displacement_mm)
             if not self._samples.begin():
                 continue
             self._samples.publish(sample.stamp_ns, sample.sequence, displacement_mm, force_n)

@@ -8,14 +8,18 @@ from typing import Any, NamedTuple
 from rclpy.parameter import Parameter
 
 from hc_estimator.ros.services import NotPossibleError
-from hc_estimator.stream import frame_compliance
+from hc_estimator.stream import dry_friction, frame_compliance
 from hc_estimator.stream.press_watch import PressWatch
 from hc_estimator.stream.surface import SurfaceFinder
 from hc_estimator.stream.tare import Tare, TareResult
 
 TARE, FIND_SURFACE = "tare", "find_surface"
 ZEROS = ("input.force.zero", "input.position.zero")
-TAKEN_OFF = (*ZEROS, frame_compliance.SETTING.name)
+TAKEN_OFF = (
+    *ZEROS,
+    frame_compliance.SETTING.name,
+    *(setting.name for setting in dry_friction.SETTINGS),
+)
 """What is taken off the readings of a sample, and is recorded with the configuration."""
 FORCED = "tare.force: true, or --force of the command, takes them all the same"
 PATIENCE_S = 10.0

@@ -41,6 +41,7 @@ class Check(Enum):
     EXCHANGED = "exchanged"
     SIGN = "sign"
     UNITS = "units"
+    FRICTION = "friction"
     ZERO_STEP = "zero step"
     FORCE_ZERO = "force zero"
     POSITION_ZERO = "position zero"

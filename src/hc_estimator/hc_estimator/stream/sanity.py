@@ -17,6 +17,7 @@ from hc_estimator.stream import channel_checks, range_checks, stamp_checks
 from hc_estimator.stream.both_channels import check_both
 from hc_estimator.stream.exchanged import exchanged
 from hc_estimator.stream.free_motion import RISE_SHARE, free_motion
+from hc_estimator.stream.friction_checks import find_friction, held_back
 from hc_estimator.stream.readings import (
     LEAST_SAMPLES,
     Check,
@@ -124,6 +125,8 @@ def check_in_parts(
             result += yield from find_steps(displacement, force)
         yield
         result += yield from _check_together(displacement, force, fine=not coarse)
+        if any(s.check is Check.FRICTION for s in result):  # whose turns look like steps
+            result[:] = [s for s in result if (s.check, s.channel) != (Check.ZERO_STEP, "force")]
         yield
         seen = {(s.check, s.channel) for s in result}
         turned = seen & {(Check.SIGN, "displacement"), (Check.SIGN, "both")}
@@ -216,7 +219,12 @@ def _check_together(
     result += yield from turned_channels(depth, newtons, related)
     yield
     if fine and not result:  # zeros of a channel that is turned or scaled wrongly say nothing
-        result += yield from _zeros(depth, newtons, related)
+        friction = yield from find_friction(depth, newtons)
+        yield
+        if friction is not None:  # nor does a zero of the way in alone
+            result.append(held_back(friction))
+        else:
+            result += yield from _zeros(depth, newtons, related)
     return result
 
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_estimator.stream.dry_friction import PRESLIDING
 from hc_estimator.stream.free_motion import free_motion
 from hc_estimator.stream.readings import (
     CLEAR,
@@ -93,6 +94,8 @@ class SetupProposal(NamedTuple):
         notes: what a user should know, one line each.
         force_limit: force from which on readings are to be left out, for the sensor's range ends
             there [N]; NaN if it was not reached.
+        dry_friction: what holds the tool back between force sensor and tissue [N].
+        presliding: how far the tool moves from rest until it slides [mm].
     """
 
     force: SensorProposal
@@ -102,6 +105,8 @@ class SetupProposal(NamedTuple):
     force_n: FloatArray
     notes: tuple[str, ...]
     force_limit: float = math.nan
+    dry_friction: float = 0.0
+    presliding: float = PRESLIDING.default
 
     def rescaled(self, force: float, position: float) -> SetupProposal:
         """Return the proposal for readings that stand for so many times as much."""

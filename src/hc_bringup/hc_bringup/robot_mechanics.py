@@ -1,0 +1,103 @@
+"""A recording less what a robot does to its readings: it gives way, and something holds it back."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+FARTHEST = 1.2
+"""Times what the tool moved: a robot gives way no further, and readings have noise."""
+
+
+def less_compliance(recording: Any, mm_per_n: float, *, of_samples: bool) -> Any:
+    """Return a recording without what the robot gave way under the force of the moment.
+
+    Args:
+        recording: hc_logger.recorded.Recording.
+        mm_per_n: the frame's compliance.
+        of_samples: whether its samples were read, which may be less it already.
+
+    Raises:
+        ValueError: if the robot would have given way further than the tool moved.
+    """
+    import numpy as np
+
+    from hc_estimator.stream.frame_compliance import FrameCompliance
+
+    if not mm_per_n:
+        return recording
+    yielded_mm = FrameCompliance(mm_per_n).of_many(recording.stamps, recording.force_n)
+    displacement_mm = recording.displacement_mm - yielded_mm
+    most_mm, moved_mm = (_range(values) for values in (yielded_mm, recording.displacement_mm))
+    if most_mm > FARTHEST * moved_mm:
+        raise ValueError(
+            f"position.frame_compliance={mm_per_n:g} takes off {most_mm:.3g} mm, and the tool "
+            f"moves by {moved_mm:.3g} mm only: is it in mm/N, and are signs and units right?"
+        )
+    notes = [f"frame compliance {mm_per_n:g} mm/N: up to {most_mm:.3g} mm taken off"]
+    lost = np.isnan(displacement_mm) & ~np.isnan(recording.displacement_mm)
+    if of_samples and (already := recording.frame_compliance_taken_off):
+        notes.append(
+            f"its samples are recorded less {already:g} mm/N already: {already + mm_per_n:g} in all"
+        )
+    unknown = int(np.count_nonzero(lost))
+    if unknown:
+        notes.append(
+            f"{unknown} displacement{'s'[: unknown > 1]} left out: no force near them says how far "
+            "the robot gave way"
+        )
+    findings = recording.findings
+    return dataclasses.replace(
+        recording,
+        displacement_mm=displacement_mm,
+        findings=findings._replace(notes=(*findings.notes, *notes)),
+    )
+
+
+def less_friction(recording: Any, settings: Mapping[str, Any], *, of_samples: bool) -> Any:
+    """Return a recording without what friction between force sensor and tissue does to the force.
+
+    Args:
+        recording: hc_logger.recorded.Recording.
+        settings: force.dry_friction [N] and force.presliding [mm]; what is missing is the node's
+            default.
+        of_samples: whether its samples were read, which may be less it already.
+
+    Raises:
+        ValueError: if there is a presliding and no friction, or a friction beyond all forces.
+    """
+    from hc_estimator.stream.dry_friction import DryFriction
+
+    friction = DryFriction()
+    friction.configure({f"input.{name}": value for name, value in settings.items()})
+    if not friction.newtons:
+        if settings.get("force.presliding") is not None:
+            raise ValueError("force.presliding is of force.dry_friction, which is not given")
+        return recording
+    if friction.newtons > (range_n := _range(recording.force_n)):
+        raise ValueError(
+            f"force.dry_friction={friction.newtons:g} N is more than the {range_n:.3g} N by which "
+            "the force changes: is it in N, and are signs and units right?"
+        )
+    notes = [f"dry friction of {friction.newtons:g} N taken off"]
+    if of_samples and (already := recording.dry_friction_taken_off):
+        total = already + friction.newtons
+        notes.append(f"its samples are recorded less {already:g} N already: {total:g} in all")
+    findings = recording.findings
+    return dataclasses.replace(
+        recording,
+        force_n=recording.force_n - friction.of_many(recording.displacement_mm),
+        findings=findings._replace(notes=(*findings.notes, *notes)),
+    )
+
+
+def _range(values: Any) -> float:
+    """Return how far readings go apart, spikes and what is no number left out."""
+    import numpy as np
+
+    from hc_estimator.stream.readings import robust_range
+
+    finite = values[np.isfinite(values)]
+    low, high = robust_range(finite) if len(finite) else (0.0, 0.0)
+    return high - low

@@ -1,0 +1,247 @@
+"""Is the tool held back on its way? The force free of contact tells, by the way that it goes.
+
+In the tissue friction looks like damping. In the air nothing else depends on the direction: a tare
+that is off, a weight, a force that drifts are the same on the way in and on the way out. So the
+force of each passage through the air is compared with those of the passages before and after it,
+which go the other way, at the same places.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hc_estimator.stream.dry_friction import DryFriction
+from hc_estimator.stream.readings import (
+    Check,
+    FloatArray,
+    Parts,
+    Suspicion,
+    noise,
+    robust_range,
+)
+
+LEAST_SHARE = 0.002
+"""Of the force's range: what is less than that, a sensor's own errors may be."""
+ONE_PRESS_SHARE = 0.03
+"""The same where the tool came and went once: the force may have drifted, or crept, meanwhile."""
+ENOUGH_TURNS = 2
+CLEAR = 6.0
+"""Deviations of the mean."""
+FEWEST = 10
+"""Readings in a passage, and of those in the air."""
+TOP_SHARE = 0.1
+"""Of the whole way: its outermost part, which is in the air if any is."""
+BINS = 40
+FLAT_BINS = 4
+FLAT_SHARE = 0.005
+"""Of the force's range: as flat as free motion is."""
+RISE_SHARE = 0.2
+"""Of the force's range: from which on a force is one of contact."""
+WIDEST_SHARE, FINEST_SHARE, TRIED = 0.3, 1e-3, 25
+"""Of the way through the air: the presliding displacements that are tried, and how many."""
+
+
+class Friction(NamedTuple):
+    """What holds a tool back.
+
+    Attributes:
+        newtons: dry friction [N].
+        deviation_n: its standard deviation [N].
+        zero_n: force in the middle between the ways in and out [N].
+        surface_mm: where the air ends on the way in [mm].
+    """
+
+    newtons: float
+    deviation_n: float
+    zero_n: float
+    surface_mm: float
+
+
+def find_friction(depth: FloatArray, newtons: FloatArray) -> Parts[Friction | None]:
+    """Compare the force of the ways in and out, free of contact.
+
+    Args:
+        depth: penetration [mm] in the order of time, shape (n,).
+        newtons: force [N] of the same instants, shape (n,).
+
+    Returns:
+        In parts: the friction; None where none is to be seen.
+    """
+    low, high = robust_range(depth)
+    range_n = float(np.subtract(*robust_range(newtons)[::-1]))
+    passages = _passages(depth, low + TOP_SHARE * (high - low))
+    yield
+    begun, drift_n = _drift(passages, depth, newtons, low + TOP_SHARE * (high - low))
+    if len(begun) == 0:
+        return None
+    steady = newtons - np.interp(np.arange(len(newtons)), begun, drift_n)
+    yield
+    edges = np.linspace(low, high, BINS + 1)
+    place = np.clip(np.searchsorted(edges, depth, "right") - 1, 0, BINS - 1)
+    allowed_n = FLAT_SHARE * range_n
+    ways = {}
+    for sign in (1, -1):
+        mine = np.concatenate([np.arange(p.begin, p.end) for p in passages if p.sign == sign])
+        ways[sign] = _levels(place[mine], steady[mine], noise(newtons), allowed_n)
+        yield
+    air = _air(ways[1], ways[-1], range_n)
+    if air is None:
+        return None
+    near, far, end = (float(edges[i]) for i in air)
+    halves, middles = _halves(passages, depth, newtons, near, far)
+    yield
+    if len(halves) == 0:
+        return None
+    found = float(np.median(halves))
+    spread = 1.4826 * float(np.median(np.abs(halves - found)))
+    deviation = math.hypot(1.25 * spread, noise(newtons) / math.sqrt(FEWEST))
+    deviation /= math.sqrt(len(halves))
+    least = LEAST_SHARE if len(halves) >= ENOUGH_TURNS else ONE_PRESS_SHARE
+    if found < max(CLEAR * deviation, least * range_n):
+        return None
+    return Friction(found, deviation, float(np.median(middles)), end)
+
+
+def held_back(friction: Friction) -> Suspicion:
+    """Return the doubt about a force that friction is part of."""
+    return Suspicion(
+        Check.FRICTION,
+        "force",
+        f"free of contact the force is {2.0 * friction.newtons:.3g} N larger on the way in than on "
+        f"the way out: friction of {friction.newtons:.3g} N between sensor and tissue (a cannula, "
+        "a bearing, a cable), which the law takes for tissue: take it off (force.dry_friction)",
+        friction.newtons,
+    )
+
+
+def find_presliding(depth: FloatArray, newtons: FloatArray, friction: Friction) -> float:
+    """Return how far the tool moves from rest until it slides [mm], as the air shows it.
+
+    Args:
+        depth: as `find_friction` was given it.
+        newtons: the same.
+        friction: what it found.
+    """
+    in_air = depth < friction.surface_mm
+    reach = friction.surface_mm - float(np.min(depth))
+    left = newtons[in_air] - friction.zero_n
+    ways = np.geomspace(FINEST_SHARE * reach, WIDEST_SHARE * reach, TRIED)
+    rests = []
+    for way_mm in ways.tolist():
+        course = DryFriction(friction.newtons, way_mm).of_many(depth)[in_air]
+        rests.append(float(np.mean((left - course) ** 2)))
+    return float(ways[int(np.argmin(rests))])
+
+
+class _Passage(NamedTuple):
+    """Samples from `begin` to before `end`, in which the tool goes in (1) or out (-1)."""
+
+    sign: int
+    begin: int
+    end: int
+
+
+def directions(depth: FloatArray) -> NDArray[np.int64]:
+    """Return 1 where the tool goes in, -1 where it goes out, 0 where its noise hides it."""
+    lag = max(1, len(depth) // 500)
+    advance = np.zeros(len(depth))
+    advance[lag:-lag] = depth[2 * lag :] - depth[: -2 * lag]
+    least = 4.0 * noise(depth)
+    return (advance > least).astype(np.int64) - (advance < -least)
+
+
+def _passages(depth: FloatArray, outermost_mm: float) -> list[_Passage]:
+    """Return the ways in and out that begin or end in the outermost part."""
+    way = directions(depth)
+    starts = np.flatnonzero(np.concatenate(([True], way[1:] != way[:-1])))
+    found = []
+    for begin, end in zip(starts.tolist(), [*starts[1:].tolist(), len(way)], strict=True):
+        reaches = float(np.min(depth[begin:end])) < outermost_mm
+        if way[begin] and end - begin >= FEWEST and reaches:
+            found.append(_Passage(int(way[begin]), begin, end))
+    return found
+
+
+def _drift(
+    passages: list[_Passage], depth: FloatArray, newtons: FloatArray, outermost_mm: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the samples at which the ways out end, and the force then [N]; none without both."""
+    at, forces = [], []
+    for passage in passages:
+        rows = np.arange(passage.begin, passage.end)
+        rows = rows[depth[rows] < outermost_mm]
+        if passage.sign < 0 and len(rows) >= FEWEST // 2:
+            at.append(float(np.mean(rows)))
+            forces.append(float(np.median(newtons[rows])))
+    if all(p.sign < 0 for p in passages):
+        at = []
+    return np.array(at), np.array(forces[: len(at)])
+
+
+def _levels(
+    place: NDArray[np.int64], newtons: FloatArray, noise_n: float, allowed_n: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the median force in each bin of the depth, and by how much it may be off [N]."""
+    level, off = np.full(BINS, np.nan), np.full(BINS, np.nan)
+    for i in range(BINS):
+        here = newtons[place == i]
+        if len(here) >= 3:
+            level[i] = np.median(here)
+            off[i] = max(allowed_n, 5.0 * noise_n / math.sqrt(len(here)))
+    return level, off
+
+
+def _air(
+    going_in: tuple[FloatArray, FloatArray],
+    going_out: tuple[FloatArray, FloatArray],
+    range_n: float,
+) -> tuple[int, int, int] | None:
+    """Find where both ways are in the air, sliding, as edges of bins.
+
+    On the way out the tool slides from the tissue on to where it turns. On the way in it does not
+    at first; the longest flat part before the end of the air is where it does.
+
+    Returns:
+        First and last edge of that part, and the edge where the air ends; None without an air.
+    """
+    level, off = going_out
+    flat = np.abs(level - level[0]) <= off
+    end = BINS if flat.all() else int(np.argmin(flat))
+    known = level[~np.isnan(level)]
+    if not (len(known) and FLAT_BINS <= end < BINS and known[-1] - level[0] > RISE_SHARE * range_n):
+        return None
+    level, off = going_in
+    best = (0, 0)
+    for first in range(end):
+        flat = np.abs(level[first:end] - level[first]) <= off[first:end]
+        count = len(flat) if flat.all() else int(np.argmin(flat))
+        if count > best[1] - best[0]:
+            best = (first, first + count)
+    if best[1] - best[0] < max(FLAT_BINS, end // 3):
+        return None
+    return (*best, end)
+
+
+def _halves(
+    passages: list[_Passage], depth: FloatArray, newtons: FloatArray, near: float, far: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return half the difference and the mean [N] of each passage and the next, which is opposite.
+
+    Of the same places, for what the tool weighs when it is accelerated.
+    """
+    signs, forces = [], []
+    for passage in passages:
+        rows = np.arange(passage.begin, passage.end)
+        rows = rows[(depth[rows] > near) & (depth[rows] < far)]
+        if len(rows) >= FEWEST:
+            signs.append(float(passage.sign))
+            forces.append(float(np.median(newtons[rows])))
+    sign, force = np.array(signs), np.array(forces)
+    opposite = sign[1:] != sign[:-1]
+    # A drift, or a step of the zero, is in few of them, and half of it in either sense.
+    halves = 0.5 * (sign[1:] * force[1:] + sign[:-1] * force[:-1])
+    return halves[opposite], (0.5 * (force[1:] + force[:-1]))[opposite]

@@ -1,0 +1,178 @@
+"""Friction between force sensor and tissue: taken off by the way alone, and found in the air.
+
+The forces that are to be found were made by other friction than is taken off (a smooth function of
+the velocity), as well as by the same.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hc_estimator import create_estimator
+from hc_estimator.stream.dry_friction import DRY_FRICTION, PRESLIDING, DryFriction
+from hc_estimator.stream.friction_checks import find_friction, find_presliding
+from hc_estimator.stream.readings import Check, robust_range, whole
+from hc_estimator.stream.sanity import check_samples
+from hc_estimator.stream.together import together
+
+K, B, N, P = 0.4, 0.01, 1.5, 1.0
+WAYS = st.lists(st.floats(-10.0, 10.0), min_size=1, max_size=60)
+
+
+def plain(ways, newtons, presliding):
+    """Friction of the places of a tool, in the increments of its strain."""
+    strain, last, found = 0.0, ways[0], []
+    for place in ways:
+        strain = min(max(strain + (place - last) / presliding, -1.0), 1.0)
+        last = place
+        found.append(newtons * strain)
+    return found
+
+
+def contact(friction, seed=1, seconds=12.0, rate_hz=500.0, zero_n=0.0, top_mm=-3.0, **noise):
+    """Presses from the air into tissue: stamps [s], displacements [mm] and forces [N]."""
+    random = np.random.default_rng(seed)
+    time_s = np.arange(int(seconds * rate_hz)) / rate_hz
+    ramp = np.minimum(time_s, 1.0)
+    place = top_mm + ramp * (4.0 - 3.5 * np.cos(np.pi * time_s) + 0.8 * np.sin(10.7 * time_s))
+    velocity = np.gradient(place, time_s)
+    depth = np.maximum(place, 0.0)
+    force = np.maximum(0.0, depth**N * (K + B * np.sign(velocity) * np.abs(velocity) ** P))
+    force = force + friction(place, velocity) + zero_n
+    place = place + noise.get("noise_mm", 0.003) * random.standard_normal(len(time_s))
+    force = force + noise.get("noise_n", 0.01) * random.standard_normal(len(time_s))
+    return time_s, place, force
+
+
+def smooth(newtons, velocity_mm_s=0.3):
+    return lambda _place, velocity: newtons * np.tanh(velocity / velocity_mm_s)
+
+
+def sliding(newtons, presliding):
+    return lambda place, _velocity: DryFriction(newtons, presliding).of_many(place)
+
+
+def none(place, _velocity):
+    return np.zeros(len(place))
+
+
+@given(WAYS, st.floats(1e-3, 100.0), st.floats(1e-3, 5.0))
+@settings(max_examples=200, deadline=None)
+def test_it_is_that_of_an_element_that_yields(ways, newtons, presliding):
+    friction = DryFriction(newtons, presliding)
+    found = [friction.at(place) for place in ways]
+    np.testing.assert_allclose(found, plain(ways, newtons, presliding), atol=1e-5 * newtons)
+    assert np.all(np.abs(found) <= newtons)
+    again = DryFriction(newtons, presliding).of_many(np.array(ways))
+    assert again.tolist() == found
+
+
+@given(WAYS)
+@settings(deadline=None)
+def test_nothing_is_taken_off_where_nothing_is_set(ways):
+    friction = DryFriction()
+    friction.configure({})
+    assert (friction.newtons, friction.presliding_mm) == (DRY_FRICTION.default, PRESLIDING.default)
+    assert friction.of_many(np.array(ways)).tolist() == [0.0] * len(ways)
+
+
+def test_a_place_that_was_not_read_changes_nothing():
+    friction = DryFriction(2.0, 0.1)
+    assert [friction.at(place) for place in (math.nan, 1.0, math.nan, 1.05, math.inf)] == [
+        *(0.0, 0.0, 0.0),
+        *(pytest.approx(1.0), pytest.approx(1.0)),
+    ]
+
+
+@pytest.mark.parametrize("share", [0.005, 0.05, 0.2])
+@pytest.mark.parametrize(
+    "kind", [smooth, lambda newtons: smooth(newtons, 1.0), lambda n: sliding(n, 0.05)]
+)
+@pytest.mark.parametrize("zero_n", [0.0, 0.7])
+def test_the_air_shows_it(kind, share, zero_n):
+    newtons = share * 8.0
+    _, place, force = contact(kind(newtons), zero_n=zero_n)
+    found = whole(find_friction(place, force))
+    assert found is not None
+    assert found.newtons == pytest.approx(newtons, rel=0.1)
+    assert found.zero_n == pytest.approx(zero_n, abs=0.1 * newtons + 0.005)
+    (doubt,) = [s for s in check_samples(*contact(kind(newtons))) if s.channel == "force"]
+    assert doubt.check is Check.FRICTION
+    assert doubt.remedy == pytest.approx(newtons, rel=0.1)
+
+
+@pytest.mark.parametrize("presliding", [0.02, 0.1, 0.3])
+def test_the_air_shows_how_far_it_goes_before_it_slides(presliding):
+    _, place, force = contact(sliding(0.5, presliding), top_mm=-4.0, seconds=20.0)
+    found = whole(find_friction(place, force))
+    assert find_presliding(place, force, found) == pytest.approx(presliding, rel=0.3)
+
+
+def drift(time_s, place, force):
+    return time_s, place, force + 0.05 * time_s
+
+
+def late(time_s, place, force):
+    return time_s[:-20], place[20:], force[:-20]
+
+
+def breathing(time_s, place, force):
+    return time_s, place + 0.5 * np.sin(1.6 * time_s), force
+
+
+def inertia(time_s, place, force):
+    smooth_mm = np.convolve(place, np.ones(25) / 25.0, "same")
+    force = force + 3e-4 * np.gradient(np.gradient(smooth_mm, time_s), time_s)
+    return time_s[50:-50], place[50:-50], force[50:-50]
+
+
+def stepping(time_s, place, force):
+    return time_s, place, force + 0.3 * (time_s > 6.0)
+
+
+def sticky(time_s, place, force):
+    """It sticks: up to half a millimetre above the surface it pulls."""
+    out = np.gradient(np.convolve(place, np.ones(25) / 25.0, "same")) < 0.0
+    return time_s, place, force - 0.2 * (out & (place > -0.5) & (place < 0.1))
+
+
+def once(time_s, place, force):
+    """One press, and a sensor that crept by 1 % of the largest force meanwhile."""
+    kept = (time_s > 0.1) & (time_s < 2.0)
+    crept = 0.08 * (time_s > 1.0)
+    return time_s[kept], place[kept], (force + crept)[kept]
+
+
+@pytest.mark.parametrize("other", [drift, late, breathing, inertia, stepping, sticky, once])
+@pytest.mark.parametrize("seed", range(3))
+def test_nothing_else_is_taken_for_it(other, seed):
+    _, place, force = other(*contact(none, seed))
+    assert whole(find_friction(place, force)) is None
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_drift_does_not_hide_it(seed):
+    _, place, force = drift(*contact(smooth(0.3), seed))
+    assert whole(find_friction(place, force)).newtons == pytest.approx(0.3, rel=0.1)
+
+
+def estimated(time_s, place, force):
+    estimator = create_estimator("self_tuning_ukf", missing_readings=True)
+    return estimator.run(time_s, place, force)[len(time_s) - 1]
+
+
+@pytest.mark.parametrize("kind", [smooth(0.3), sliding(0.3, 0.1)])
+def test_less_it_the_stiffness_is_that_of_the_tissue(kind):
+    """With friction of a twenty-fifth of the largest force K was a half and less of what it is."""
+    time_s, place, force = contact(kind, rate_hz=1000.0)
+    _, depth, newtons = together(time_s, place, force)
+    found = whole(find_friction(depth, newtons))
+    friction = DryFriction(found.newtons, find_presliding(depth, newtons, found))
+    low, high = robust_range(force)
+    assert 0.03 < found.newtons / (high - low) < 0.08
+    assert abs(estimated(time_s, place, force).parameters[0] / K - 1.0) > 0.1
+    less = estimated(time_s, place, force - friction.of_many(place))
+    assert less.parameters[0] == pytest.approx(K, rel=0.04)
