@@ -137,7 +137,7 @@ def diagnose(
             s
             for s in check_samples(
                 *(samples.time_s, samples.displacement_mm, samples.force_n),
-                *(force_limit_n, counted_once),
+                *(force_limit_n, (*counted_once, *samples.left_out)),
             )
             if (s.check, s.channel, s.since_s, s.until_s) not in treated
         ]

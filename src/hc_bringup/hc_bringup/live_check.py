@@ -162,7 +162,8 @@ def listen(node: str, seconds: float, request: str = "") -> Heard:
         rows[:, 2] -= zero_n
         friction = DryFriction()
         friction.configure({f"input.{name}": value for name, value in heard.settings.items()})
-        rows[:, 2] -= friction.of_many(rows[:, 1])
+        rows[:, 2] -= friction.of_many(stamps, rows[:, 1])
+        rows = rows[~np.isnan(rows[:, 1:]).all(axis=1)]
     heard.rows = (rows[:, 0], rows[:, 1], rows[:, 2])
     return heard
 

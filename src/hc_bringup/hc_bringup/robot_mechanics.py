@@ -67,6 +67,9 @@ def less_friction(recording: Any, settings: Mapping[str, Any], *, of_samples: bo
     Raises:
         ValueError: if there is a presliding and no friction, or a friction beyond all forces.
     """
+    import numpy as np
+
+    from hc_bringup.read_otherwise import less_empty
     from hc_estimator.stream.dry_friction import DryFriction
 
     friction = DryFriction()
@@ -80,16 +83,21 @@ def less_friction(recording: Any, settings: Mapping[str, Any], *, of_samples: bo
             f"force.dry_friction={friction.newtons:g} N is more than the {range_n:.3g} N by which "
             "the force changes: is it in N, and are signs and units right?"
         )
-    notes = [f"dry friction of {friction.newtons:g} N taken off"]
+    force_n = recording.force_n - friction.of_many(recording.stamps, recording.displacement_mm)
+    lost = np.isnan(force_n) & ~np.isnan(recording.force_n)
+    share = np.count_nonzero(lost) / max(1, int(np.count_nonzero(~np.isnan(recording.force_n))))
+    notes = [
+        f"dry friction of {friction.newtons:g} N taken off; {100.0 * share:.0f} % of the forces "
+        "left out while it turned"
+    ]
     if of_samples and (already := recording.dry_friction_taken_off):
         total = already + friction.newtons
-        notes.append(f"its samples are recorded less {already:g} N already: {total:g} in all")
+        notes.append(f"its samples are recorded less {already:g} N already: {total:g} N in all")
     findings = recording.findings
-    return dataclasses.replace(
-        recording,
-        force_n=recording.force_n - friction.of_many(recording.displacement_mm),
-        findings=findings._replace(notes=(*findings.notes, *notes)),
-    )
+    once = tuple(dict.fromkeys((*findings.counted_once, "force")))
+    findings = findings._replace(notes=(*findings.notes, *notes), counted_once=once)
+    read = dataclasses.replace(recording, force_n=force_n, findings=findings)
+    return less_empty(read, lost)
 
 
 def _range(values: Any) -> float:

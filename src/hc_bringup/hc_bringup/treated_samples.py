@@ -66,6 +66,7 @@ class Samples:
         channel_delay: as the default filter's setting [s].
         force_end_n: force from which on readings are left out, for the sensor's range ends there
             [N]; NaN where none are.
+        left_out: channels of which readings were left out, and that have gaps for it.
     """
 
     time_s: FloatArray
@@ -74,6 +75,7 @@ class Samples:
     surface_std_mm: float
     channel_delay: float | str = "auto"
     force_end_n: float = math.nan
+    left_out: tuple[str, ...] = ()
 
     @property
     def known_delay_s(self) -> float:
@@ -140,17 +142,23 @@ class Samples:
 
     def take_friction(self) -> dict[str, Any]:
         """Take off the friction that the air shows; return the settings that do so."""
-        _, depth_mm, force_n = together(self.time_s, self.displacement_mm, self.force_n)
+        readings = self.time_s, self.displacement_mm, self.force_n
+        _, depth_mm, force_n = together(*readings)
         found = whole(find_friction(depth_mm, force_n))
         if found is None:
             return {}
-        way_mm = float(f"{find_presliding(depth_mm, force_n, found):.2g}")
+        way_mm = float(f"{find_presliding(*readings, found):.2g}")
         friction = DryFriction(rounded(found.newtons, 4), way_mm)
         settings: dict[str, Any] = {
             "force.dry_friction": friction.newtons,
             "force.presliding": way_mm,
         }
-        self.force_n = self.force_n - friction.of_many(self.displacement_mm)
+        stamps_ns = np.round(self.time_s * NANOSECONDS).astype(np.int64)
+        self.force_n = self.force_n - friction.of_many(stamps_ns, self.displacement_mm)
+        self.left_out = ("force",)
+        rows = ~(np.isnan(self.force_n) & np.isnan(self.displacement_mm))
+        self.time_s, self.force_n = self.time_s[rows], self.force_n[rows]
+        self.displacement_mm = self.displacement_mm[rows]
         if abs(found.zero_n) > CLEAR * found.deviation_n:
             self.take_force_zero(found.zero_n)
             settings["force.zero"] = rounded(found.zero_n, 4)

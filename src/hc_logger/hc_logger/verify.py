@@ -202,7 +202,9 @@ def _forces(
     friction.configure(taken_off)
     zero_n = taken_off.get(FORCE_ZERO, 0.0)
     result: NDArray[np.float64] = (
-        recording.force_n[rows] - zero_n - friction.of_many(displacements_mm)
+        recording.force_n[rows]
+        - zero_n
+        - friction.of_many(recording.stamps[rows], displacements_mm)
     )
     return result
 

@@ -167,7 +167,7 @@ class SampleInput:
         if len(stamps) >= self._receiver.fewest_together():
             places, pushes = displacements - self._position_zero, forces - self._force_zero
             places -= self._frame.of_many(stamps, forces, self._force_zero)
-            pushes -= self._friction.of_many(places)
+            pushes -= self._friction.of_many(stamps, places)
             self._receiver.on_samples(Batch(stamps, sequences, places, pushes))
             return
         columns = (column.tolist() for column in samples)
@@ -180,7 +180,7 @@ class SampleInput:
     ) -> None:
         place_mm, push_n = displacement_mm - self._position_zero, force_n - self._force_zero
         place_mm -= self._frame.yielded_mm(stamp_ns, force_n, self._force_zero)
-        push_n -= self._friction.at(place_mm)
+        push_n -= self._friction.at(stamp_ns, place_mm)
         self._receiver.on_sample(stamp_ns, sequence, place_mm, push_n)
 
 

@@ -13,7 +13,6 @@ from hc_estimator.ros.inputs import Input
 from hc_estimator.ros.node_settings import OWN_SENSORS
 from hc_estimator.ros.outputs import EACH, Outputs
 from hc_estimator.ros.settings import Settings
-from hc_estimator.ros.settings_meaning import counted_once
 from hc_estimator.ros.state_keeper import StateKeeper
 from hc_estimator.ros.status import StatusReporter
 from hc_estimator.ros.zero_setting import ZeroSetting
@@ -167,7 +166,7 @@ class SampleFlow:
             zeros = {frame_compliance.TAKEN_OFF_ALREADY: values[frame_compliance.SETTING.name]}
             if values["input.source"] == "sensors":
                 zeros[dry_friction.TAKEN_OFF_ALREADY] = values[dry_friction.DRY_FRICTION.name]
-            zeros |= {repeats.SETTINGS[channel]: True for channel in counted_once(values)}
+                zeros |= {name: True for name in repeats.SETTINGS.values() if values[name]}
         session = self._configured()
         loaded = session.loaded if revision.cause is Cause.STATE_LOADED else None
         self._outputs.publish_configuration(revision, session.estimator, zeros, loaded)

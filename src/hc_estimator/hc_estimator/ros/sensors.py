@@ -65,6 +65,7 @@ class SensorInput:
         self._receiver = receiver
         self._missing_joint = self._unusable_attitudes = self._skipped_positions = 0
         self._forces_not_finite = self._positions_not_finite = 0
+        self._forces_turning = self._numbers_free = 0  # those of samples that came to nothing
         self._frame_id = self._base_frame_id = ""
         self._frame_change = (-math.inf, "", "")  # when [s], from which frame, to which
         self._reading: tuple[Any, ...] = ()
@@ -191,6 +192,7 @@ class SensorInput:
             "arrival_mistaken": sum(clock.mistaken for clock in clocks if clock is not None),
             "positions_skipped": self._skipped_positions,
             "force_not_finite": self._forces_not_finite,
+            "force_turning": self._forces_turning,
             "position_not_finite": self._positions_not_finite,
             "joint_missing": self._missing_joint,
             "frame_missing": 0 if frames is None else frames.missing,
@@ -322,14 +324,22 @@ class SensorInput:
         for sample in samples:
             reading = self._read(sample)
             if reading is None:
+                self._numbers_free += 1
                 continue
             # The estimator gets what a recorder gets, to the last bit.
             displacement_mm = sent_mm(reading[0] - self._position_zero)
-            force_n = reading[1] - self._force_zero - self._friction.at(displacement_mm)
+            friction_n = self._friction.at(sample.stamp_ns, displacement_mm)
+            force_n = reading[1] - self._force_zero - friction_n
+            if math.isnan(friction_n) and sample.force is not None:
+                self._forces_turning += 1
+                if math.isnan(displacement_mm):  # nothing is left of it
+                    self._numbers_free += 1
+                    continue
             if not self._samples.begin():
                 continue
-            self._samples.publish(sample.stamp_ns, sample.sequence, displacement_mm, force_n)
-            self._receiver.on_sample(sample.stamp_ns, sample.sequence, displacement_mm, force_n)
+            sequence = sample.sequence - self._numbers_free
+            self._samples.publish(sample.stamp_ns, sequence, displacement_mm, force_n)
+            self._receiver.on_sample(sample.stamp_ns, sequence, displacement_mm, force_n)
 
     def _read(self, sample: Merged) -> tuple[float, float] | None:
         """Return displacement [mm], less what the robot gave way, and force [N].

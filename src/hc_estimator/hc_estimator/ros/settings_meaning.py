@@ -18,6 +18,7 @@ from hc_estimator.stream.contact_frame import (
     unit_quaternion,
     unit_vector,
 )
+from hc_estimator.stream.dry_friction import DRY_FRICTION
 from hc_estimator.stream.effort_filters import EffortSettings
 from hc_estimator.stream.mapping import Mapping as AxisMapping
 from hc_estimator.stream.mapping import make_mapping
@@ -165,12 +166,16 @@ def sensor_mapping(values: Mapping[str, Any], sensor: str) -> AxisMapping:
 
 
 def counted_once(values: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the channels whose repeated readings an input leaves out: one of sensors alone does.
+    """Return the channels of which an input leaves readings out: repeated ones, or of friction.
 
     Args:
         values: settings of the node, or some of them.
     """
-    return channels_held_by(values) if values.get("input.source") == "sensors" else ()
+    source = values.get("input.source")
+    if source == "sensors":
+        return channels_held_by(values)
+    friction = source != "effort" and values.get(DRY_FRICTION.name)
+    return ("force",) if friction else ()
 
 
 def session_settings(values: Mapping[str, Any]) -> SessionSettings:

@@ -5,6 +5,9 @@ cable), it feels what holds the tool back: more force on the way in, less on the
 n and p are bent to explain it. Prandtl's elasto-plastic element (Popov and Gray, "Prandtl-Tomlinson
 model", ZAMM 92 (2012) 683) describes it by the way alone, without a velocity, which a position's
 noise would make chatter: after a turn the friction follows the way like a spring, until it slides.
+
+What it is while it turns nobody knows well, and a force that is off by twice the friction for some
+samples spoils more than it tells: those readings are left out, unless the tool rests there.
 """
 
 from __future__ import annotations
@@ -14,6 +17,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hc_estimator.stream.readings import FloatArray
 from hc_msgs_py.specification import setting
@@ -22,8 +26,9 @@ DRY_FRICTION = setting(
     "input.force.dry_friction",
     0.0,
     "What holds the tool back on its way from the force sensor to the tissue (a cannula's seal, a "
-    "bearing): taken off the force on the way in, added to it on the way out. `hc doctor` finds it "
-    "where the tool moves free of contact. Not of source effort, which has its own.",
+    "bearing): taken off the force on the way in, added to it on the way out; readings while it "
+    "turns are left out. `hc doctor` finds it where the tool moves free of contact. Not of source "
+    "effort, which has its own.",
     minimum=0.0,
     maximum=1000.0,
     unit="N",
@@ -39,6 +44,14 @@ PRESLIDING = setting(
 SETTINGS = (DRY_FRICTION, PRESLIDING)
 TAKEN_OFF_ALREADY = f"{DRY_FRICTION.name}.taken_off"
 """In a configuration: of samples that are recorded less it."""
+PLAY = 1.5
+"""Deviations of the position's noise, by which a tool that slides may seem to go back."""
+NOISE_WEIGHT = 0.02
+"""Of a reading, in the mean by which the noise is known."""
+THIRD_DIFFERENCES = 3.568
+"""Their mean size for white noise of deviation 1: sqrt(20) sqrt(2 / pi)."""
+TURN_NS = 500_000_000
+"""So long a turn may take: of a tool that rests, friction is what the element says."""
 
 
 class DryFriction:
@@ -51,35 +64,77 @@ class DryFriction:
 
     def __init__(self, newtons: float = 0.0, presliding_mm: float = 0.02) -> None:
         self.newtons, self.presliding_mm = newtons, presliding_mm
-        self._middle_mm: float | None = None  # where the tool would be free of friction
-        self._strain = 0.0
+        self._strain = 0.0  # -1 on the way out, 1 on the way in
+        self._slid_ns: int | None = None  # when it slid last
+        self._place_mm = self._middle_mm = math.nan  # without noise; where friction would be none
+        self._last_mm = (math.nan, math.nan, math.nan)
+        self._last_ns = (0, 0, 0)
+        self._noise_mm = 0.0
 
     def configure(self, values: Mapping[str, Any]) -> None:
         """Take other settings, by their names of the node; what is left out is its default."""
         self.newtons = values.get(DRY_FRICTION.name, DRY_FRICTION.default)
         self.presliding_mm = values.get(PRESLIDING.name, PRESLIDING.default)
 
-    def at(self, displacement_mm: float) -> float:
+    def at(self, stamp_ns: int, displacement_mm: float) -> float:
         """Take in a sample; return what friction adds to its force [N], negative on the way out.
 
         Args:
+            stamp_ns: of the sample.
             displacement_mm: penetration [mm]; NaN without a reading: the last one counts.
+
+        Returns:
+            NaN where it turns, and nobody knows; what the element says before it ever slid.
         """
         if self.newtons == 0.0:
             return 0.0
+        slides = abs(self._strain) == 1.0
         if math.isfinite(displacement_mm):
-            middle, way = self._middle_mm, self.presliding_mm
-            if middle is None:  # it may be strained either way
-                middle = displacement_mm
-            strain = (displacement_mm - middle) / way
-            if abs(strain) > 1.0:  # it slides
-                strain = math.copysign(1.0, strain)
-                middle = displacement_mm - strain * way
-            self._middle_mm, self._strain = middle, strain
-        return self.newtons * self._strain
+            self._go(stamp_ns, displacement_mm)
+            slides = abs(self._strain) == 1.0
+        elif slides:
+            slides = self._strain * self._velocity_at(stamp_ns) >= 0.0
+        recent = self._slid_ns is not None and 0 <= stamp_ns - self._slid_ns <= TURN_NS
+        return self.newtons * self._strain if slides or not recent else math.nan
 
-    def of_many(self, displacements_mm: FloatArray) -> FloatArray:
-        """As `at` for each of many samples, shape (n,)."""
+    def _velocity_at(self, stamp_ns: int) -> float:
+        """Return the velocity [mm/ns] after the last place, from that and the two before it; or 0.
+
+        Between two places a tool may have turned: of a wrench at 500 Hz and a pose at 200 Hz there
+        were two readings at each turn, off by twice the friction.
+        """
+        (last, before, first), (now, then, once) = self._last_mm, self._last_ns
+        if math.isnan(first) or not now > then > once:
+            return 0.0
+        velocity = (last - before) / (now - then)
+        change = velocity - (before - first) / (then - once)
+        # That of the middle of the last step, and so long after it.
+        return velocity + change * (stamp_ns - 0.5 * (now + then)) / (0.5 * (now - once))
+
+    def _go(self, stamp_ns: int, displacement_mm: float) -> None:
+        """Follow the tool to another place."""
+        last, before, first = self._last_mm
+        self._last_mm = (displacement_mm, last, before)
+        self._last_ns = (stamp_ns, *self._last_ns[:2])
+        third = abs(displacement_mm - 3.0 * last + 3.0 * before - first) / THIRD_DIFFERENCES
+        if math.isfinite(third):
+            known = self._noise_mm
+            self._noise_mm = third if known == 0.0 else known + NOISE_WEIGHT * (third - known)
+        if math.isnan(self._place_mm):
+            self._place_mm = self._middle_mm = displacement_mm
+        play = PLAY * self._noise_mm
+        place = min(max(self._place_mm, displacement_mm - play), displacement_mm + play)
+        strain = (place - self._middle_mm) / self.presliding_mm
+        if abs(strain) >= 1.0:
+            strain = math.copysign(1.0, strain)
+            self._middle_mm = place - strain * self.presliding_mm
+            self._slid_ns = stamp_ns
+        self._place_mm, self._strain = place, strain
+
+    def of_many(self, stamps_ns: NDArray[np.int64], displacements_mm: FloatArray) -> FloatArray:
+        """As `at` for each of many samples, shape (n,) each."""
         if self.newtons == 0.0:
             return np.zeros(len(displacements_mm))
-        return np.array([self.at(one) for one in displacements_mm.tolist()])
+        rows = zip(stamps_ns.tolist(), displacements_mm.tolist(), strict=True)
+        result: FloatArray = np.array([self.at(*row) for row in rows], np.float64)
+        return result

@@ -23,6 +23,7 @@ from hc_estimator.stream.readings import (
     noise,
     robust_range,
 )
+from hc_msgs_py.units import NANOSECONDS
 
 LEAST_SHARE = 0.002
 """Of the force's range: what is less than that, a sensor's own errors may be."""
@@ -35,8 +36,7 @@ FEWEST = 10
 """Readings in a passage, and of those in the air."""
 TOP_SHARE = 0.1
 """Of the whole way: its outermost part, which is in the air if any is."""
-BINS = 40
-FLAT_BINS = 4
+BINS, FLAT_BINS = 40, 4
 FLAT_SHARE = 0.005
 """Of the force's range: as flat as free motion is."""
 RISE_SHARE = 0.2
@@ -73,9 +73,10 @@ def find_friction(depth: FloatArray, newtons: FloatArray) -> Parts[Friction | No
     """
     low, high = robust_range(depth)
     range_n = float(np.subtract(*robust_range(newtons)[::-1]))
-    passages = _passages(depth, low + TOP_SHARE * (high - low))
+    least_mm = TOP_SHARE * (high - low)
+    passages = _passages(depth, low + least_mm, least_mm)
     yield
-    begun, drift_n = _drift(passages, depth, newtons, low + TOP_SHARE * (high - low))
+    begun, drift_n = _drift(passages, depth, newtons, low + least_mm)
     if len(begun) == 0:
         return None
     steady = newtons - np.interp(np.arange(len(newtons)), begun, drift_n)
@@ -118,22 +119,32 @@ def held_back(friction: Friction) -> Suspicion:
     )
 
 
-def find_presliding(depth: FloatArray, newtons: FloatArray, friction: Friction) -> float:
+def find_presliding(
+    time_s: FloatArray, displacement_mm: FloatArray, force_n: FloatArray, friction: Friction
+) -> float:
     """Return how far the tool moves from rest until it slides [mm], as the air shows it.
 
+    That with which the readings that are not left out (`DryFriction`) fit best.
+
     Args:
-        depth: as `find_friction` was given it.
-        newtons: the same.
-        friction: what it found.
+        time_s: stamps [s] in their order, shape (n,).
+        displacement_mm: penetration [mm], shape (n,); NaN where there is no reading.
+        force_n: force [N], shape (n,); NaN where there is no reading.
+        friction: what was found of them.
     """
-    in_air = depth < friction.surface_mm
+    there = np.isfinite(displacement_mm)
+    depth = np.interp(time_s, time_s[there], displacement_mm[there])
+    in_air = np.isfinite(force_n) & (depth < friction.surface_mm)
     reach = friction.surface_mm - float(np.min(depth))
-    left = newtons[in_air] - friction.zero_n
+    left = force_n[in_air] - friction.zero_n
+    stamps_ns = np.round(time_s * NANOSECONDS).astype(np.int64)
     ways = np.geomspace(FINEST_SHARE * reach, WIDEST_SHARE * reach, TRIED)
     rests = []
     for way_mm in ways.tolist():
-        course = DryFriction(friction.newtons, way_mm).of_many(depth)[in_air]
-        rests.append(float(np.mean((left - course) ** 2)))
+        taken_off = DryFriction(friction.newtons, way_mm).of_many(stamps_ns, displacement_mm)
+        taken_off = taken_off[in_air]
+        known = ~np.isnan(taken_off)
+        rests.append(float(np.mean((left - taken_off)[known] ** 2)) if known.any() else math.inf)
     return float(ways[int(np.argmin(rests))])
 
 
@@ -154,14 +165,15 @@ def directions(depth: FloatArray) -> NDArray[np.int64]:
     return (advance > least).astype(np.int64) - (advance < -least)
 
 
-def _passages(depth: FloatArray, outermost_mm: float) -> list[_Passage]:
-    """Return the ways in and out that begin or end in the outermost part."""
+def _passages(depth: FloatArray, outermost_mm: float, least_mm: float) -> list[_Passage]:
+    """Return the ways in and out, of so much, that begin or end in the outermost part."""
     way = directions(depth)
     starts = np.flatnonzero(np.concatenate(([True], way[1:] != way[:-1])))
     found = []
     for begin, end in zip(starts.tolist(), [*starts[1:].tolist(), len(way)], strict=True):
-        reaches = float(np.min(depth[begin:end])) < outermost_mm
-        if way[begin] and end - begin >= FEWEST and reaches:
+        places = depth[begin:end]
+        goes = way[begin] and end - begin >= FEWEST and np.ptp(places) > least_mm
+        if goes and float(np.min(places)) < outermost_mm:
             found.append(_Passage(int(way[begin]), begin, end))
     return found
 
@@ -209,10 +221,10 @@ def _air(
         First and last edge of that part, and the edge where the air ends; None without an air.
     """
     level, off = going_out
-    flat = np.abs(level - level[0]) <= off
+    flat = ~(np.abs(level) > off)  # it counts from what it is at the end of the way
     end = BINS if flat.all() else int(np.argmin(flat))
     known = level[~np.isnan(level)]
-    if not (len(known) and FLAT_BINS <= end < BINS and known[-1] - level[0] > RISE_SHARE * range_n):
+    if not (len(known) and FLAT_BINS <= end < BINS and known[-1] > RISE_SHARE * range_n):
         return None
     level, off = going_in
     best = (0, 0)

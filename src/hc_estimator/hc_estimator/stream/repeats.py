@@ -14,6 +14,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_estimator.stream.dry_friction import DRY_FRICTION, TAKEN_OFF_ALREADY
+
 LONGEST_S = 0.09
 """A reading that stays for so long counts again: the tool rests. Below `input.pairing.maximum_gap`,
 beyond which readings of the other sensor are dropped."""
@@ -35,14 +37,15 @@ def channels_held(position: bool, force: bool) -> tuple[str, ...]:
 
 
 def channels_held_by(settings: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the channels whose repeated readings settings leave out.
+    """Return the channels of which settings leave readings out: repeated ones, or of friction.
 
     Args:
-        settings: of a node of sensors, or of the configuration of its estimates, by the names of
-            `SETTINGS`; one that is not there leaves none out.
+        settings: of a node, or of the configuration of its estimates, by the names of `SETTINGS`
+            and of `dry_friction`; one that is not there leaves none out.
     """
     position, force = (bool(settings.get(name)) for name in SETTINGS.values())
-    return channels_held(position, force)
+    friction = (DRY_FRICTION.name, TAKEN_OFF_ALREADY)
+    return channels_held(position, force or any(settings.get(name) for name in friction))
 
 
 class Repeats:
