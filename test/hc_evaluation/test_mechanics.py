@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hc_evaluation.accuracy.drawn_contact import drawn_contact
-from hc_evaluation.accuracy.mechanics import MECHANICS, taken_off
+from hc_evaluation.accuracy.mechanics import MECHANICS, TAKEN_OFF
 
 SEEDS = (1000, 1003, 1007)
 
@@ -62,8 +62,22 @@ def test_friction_is_against_the_motion_and_gone_at_rest():
 def test_a_compliance_that_is_taken_off_leaves_the_contact_and_a_little_noise(seed):
     plain, soft = pair("compliance", seed)
     off = np.abs(soft.displacement_mm - plain.displacement_mm)
-    for deviation, left in ((0.0, 0.05), (0.05, 0.25)):
-        other = taken_off(deviation, seed)
+    for name, left in (("taken off", 0.05), ("known to 5 %", 0.25)):
+        less, deviation = TAKEN_OFF[f"compliance, {name}"]
+        other = less(deviation, seed)
         np.testing.assert_array_equal(other.force_n, soft.force_n)
         rest = np.abs(other.displacement_mm - plain.displacement_mm)
         assert 0.0 < np.max(rest) < left * np.max(off)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("name", ["taken off", "known to 5 %"])
+def test_a_friction_that_is_taken_off_leaves_little_of_it_and_not_the_turns(seed, name):
+    plain, held_back = pair("friction", seed)
+    less, deviation = TAKEN_OFF[f"friction, {name}"]
+    other = less(deviation, seed)
+    np.testing.assert_array_equal(other.displacement_mm, held_back.displacement_mm)
+    known = np.isfinite(other.force_n) & np.isfinite(plain.force_n)
+    assert np.mean(known) > 0.4
+    before, after = (c.force_n[known] - plain.force_n[known] for c in (held_back, other))
+    assert np.sqrt(np.mean(after**2)) < 0.7 * np.sqrt(np.mean(before**2))

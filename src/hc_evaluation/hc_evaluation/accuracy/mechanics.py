@@ -7,12 +7,14 @@ does not fit.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, lfilter
 
+from hc_estimator.stream.dry_friction import DryFriction
 from hc_estimator.stream.frame_compliance import FrameCompliance
 from hc_evaluation.accuracy.bench import Bench, Result, Row, target
 from hc_evaluation.accuracy.drawn_contact import Between, Draw, DrawnContact, drawn_contact
@@ -47,8 +49,16 @@ def _inertia(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray)
 
 def _friction(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray) -> Read:
     """A trocar or a guide holds the tool back, whichever way it goes."""
-    largest = log_uniform(draw, 0.005, 0.05) * float(np.max(force))
-    return place, force + largest * np.tanh(np.gradient(place, time) / SLOWEST_MM_S)
+    return place, force + _friction_of(_largest_friction(draw, force), time, place)
+
+
+def _largest_friction(draw: Draw, force: FloatArray) -> float:
+    return log_uniform(draw, 0.005, 0.05) * float(np.max(force))
+
+
+def _friction_of(largest: float, time: FloatArray, place: FloatArray) -> FloatArray:
+    friction: FloatArray = largest * np.tanh(np.gradient(place, time) / SLOWEST_MM_S)
+    return friction
 
 
 def _hysteresis(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray) -> Read:
@@ -93,12 +103,7 @@ MECHANICS: dict[str, Between] = {
 }
 
 
-TAKEN_OFF = {"compliance, taken off": 0.0, "compliance, known to 5 %": 0.05}
-"""How well a compliance is known that is taken off the readings: a deviation."""
-
-
-def taken_off(deviation: float, seed: int) -> DrawnContact:
-    """The contact with a robot that gives way, less its compliance as far as that is known."""
+def _less_compliance(deviation: float, seed: int) -> DrawnContact:
     known: list[float] = []
 
     def between(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray) -> Read:
@@ -107,15 +112,41 @@ def taken_off(deviation: float, seed: int) -> DrawnContact:
         return place + mm_per_n * force, force
 
     contact = drawn_contact((), seed, between)
-    stamps = np.round(contact.time_s * NANOSECONDS).astype(np.int64)
-    yielded = FrameCompliance(known[0]).of_many(stamps, contact.force_n)
+    yielded = FrameCompliance(known[0]).of_many(_stamps(contact), contact.force_n)
     return replace(contact, displacement_mm=contact.displacement_mm - yielded)
+
+
+def _less_friction(deviation: float, seed: int) -> DrawnContact:
+    known: list[float] = []
+
+    def between(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray) -> Read:
+        largest = _largest_friction(draw, force)
+        known.append(largest * (1.0 + deviation * float(draw.standard_normal())))
+        return place, force + _friction_of(largest, time, place)
+
+    contact = drawn_contact((), seed, between)
+    friction = DryFriction(known[0]).of_many(_stamps(contact), contact.displacement_mm)
+    return replace(contact, force_n=contact.force_n - friction)
+
+
+def _stamps(contact: DrawnContact) -> NDArray[np.int64]:
+    return np.round(contact.time_s * NANOSECONDS).astype(np.int64)
+
+
+TAKEN_OFF: dict[str, tuple[Callable[[float, int], DrawnContact], float]] = {
+    "friction, taken off": (_less_friction, 0.0),
+    "friction, known to 5 %": (_less_friction, 0.05),
+    "compliance, taken off": (_less_compliance, 0.0),
+    "compliance, known to 5 %": (_less_compliance, 0.05),
+}
+"""What is taken off the readings, and how well it is known: a deviation."""
 
 
 def mechanics_run(task: TroubleTask) -> Numbers:
     """Errors of K, what was claimed of them, changes and misfit told."""
     if task.trouble in TAKEN_OFF:
-        contact = taken_off(TAKEN_OFF[task.trouble], task.seed)
+        less, deviation = TAKEN_OFF[task.trouble]
+        contact = less(deviation, task.seed)
     else:
         contact = drawn_contact((), task.seed, MECHANICS.get(task.trouble))
     return believed(task.setup, contact)
