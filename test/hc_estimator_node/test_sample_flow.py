@@ -54,6 +54,11 @@ def test_zeros_that_were_taken_off_are_not_recorded_to_be_taken_off_again(source
     flow.on_revision(Revision(2, 0, 0, Cause.RESET))
     held = {"input.position.held": True} if source == "sensors" else {}
     assert flow.said[1] == (already | held if own else ZEROS)
+    friction = {"input.force.dry_friction": 0.3, "input.force.presliding": 0.05}
+    flow._settings.values |= friction
+    flow.on_revision(Revision(3, 0, 0, Cause.RESET))
+    less = {"input.force.dry_friction.taken_off": 0.3} if source == "sensors" else {}
+    assert flow.said[2] == (already | less | held if own else ZEROS | friction)
     flow._add_latency(5)
     assert flow.ages == [bool(own)]  # sensors speak now, samples may come out of a bag
 

@@ -16,7 +16,7 @@ from hc_estimator.ros.settings import Settings
 from hc_estimator.ros.state_keeper import StateKeeper
 from hc_estimator.ros.status import StatusReporter
 from hc_estimator.ros.zero_setting import ZeroSetting
-from hc_estimator.ros.zeroing import TAKEN_OFF
+from hc_estimator.ros.zeroing import TAKEN_OFF, TAKEN_OFF_ALWAYS
 from hc_estimator.stream import dry_friction, frame_compliance, repeats
 from hc_estimator.stream.contacts import ContactSummary
 from hc_estimator.stream.session import EstimationSession
@@ -161,12 +161,14 @@ class SampleFlow:
         values = self._settings.values
         # Samples made of one's own sensors are published with their zeros already taken off.
         own = values["input.source"] in OWN_SENSORS
-        zeros = {name: values[name] for name in TAKEN_OFF}
+        friction_n = values.get(dry_friction.DRY_FRICTION.name, 0.0)
+        names = TAKEN_OFF if friction_n else TAKEN_OFF_ALWAYS
+        zeros = {name: values[name] for name in names}
         if own:  # what is taken off twice does not show, as a zero would
             zeros = {frame_compliance.TAKEN_OFF_ALREADY: values[frame_compliance.SETTING.name]}
             if values["input.source"] == "sensors":
-                zeros[dry_friction.TAKEN_OFF_ALREADY] = values[dry_friction.DRY_FRICTION.name]
-                zeros |= {name: True for name in repeats.SETTINGS.values() if values[name]}
+                zeros |= {dry_friction.TAKEN_OFF_ALREADY: friction_n} if friction_n else {}
+                zeros |= {name: True for name in repeats.SETTINGS.values() if values.get(name)}
         session = self._configured()
         loaded = session.loaded if revision.cause is Cause.STATE_LOADED else None
         self._outputs.publish_configuration(revision, session.estimator, zeros, loaded)

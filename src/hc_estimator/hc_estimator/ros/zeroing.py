@@ -15,12 +15,10 @@ from hc_estimator.stream.tare import Tare, TareResult
 
 TARE, FIND_SURFACE = "tare", "find_surface"
 ZEROS = ("input.force.zero", "input.position.zero")
-TAKEN_OFF = (
-    *ZEROS,
-    frame_compliance.SETTING.name,
-    *(setting.name for setting in dry_friction.SETTINGS),
-)
-"""What is taken off the readings of a sample, and is recorded with the configuration."""
+TAKEN_OFF_ALWAYS = (*ZEROS, frame_compliance.SETTING.name)
+TAKEN_OFF = (*TAKEN_OFF_ALWAYS, *(setting.name for setting in dry_friction.SETTINGS))
+"""What is taken off the readings of a sample, and is recorded with the configuration; friction
+where there is one."""
 FORCED = "tare.force: true, or --force of the command, takes them all the same"
 PATIENCE_S = 10.0
 """A tare that has got no sample for so long is given up: slow ones take what they take."""
