@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_estimator.stream.fading_memory import FadingMemory
 from hc_estimator.stream.readings import FloatArray
 from hc_msgs_py.specification import setting
 
@@ -50,6 +51,8 @@ NOISE_WEIGHT = 0.02
 """Of a reading, in the mean by which the noise is known."""
 THIRD_DIFFERENCES = 3.568
 """Their mean size for white noise of deviation 1: sqrt(20) sqrt(2 / pi)."""
+AHEAD_NS = 30_000_000
+"""From so long before a turn on that is foreseen, readings are left out."""
 TURN_NS = 500_000_000
 """So long a turn may take: of a tool that rests, friction is what the element says."""
 
@@ -68,8 +71,8 @@ class DryFriction:
         self._slid_ns: int | None = None  # when it slid last
         self._place_mm = self._middle_mm = math.nan  # without noise; where friction would be none
         self._last_mm = (math.nan, math.nan, math.nan)
-        self._last_ns = (0, 0, 0)
         self._noise_mm = 0.0
+        self._motion = FadingMemory()
 
     def configure(self, values: Mapping[str, Any]) -> None:
         """Take other settings, by their names of the node; what is left out is its default."""
@@ -88,34 +91,26 @@ class DryFriction:
         """
         if self.newtons == 0.0:
             return 0.0
-        slides = abs(self._strain) == 1.0
         if math.isfinite(displacement_mm):
+            self._motion.take(stamp_ns, displacement_mm)
             self._go(stamp_ns, displacement_mm)
-            slides = abs(self._strain) == 1.0
-        elif slides:
-            slides = self._strain * self._velocity_at(stamp_ns) >= 0.0
+        slides = abs(self._strain) == 1.0 and self._goes_on(stamp_ns)
         recent = self._slid_ns is not None and 0 <= stamp_ns - self._slid_ns <= TURN_NS
         return self.newtons * self._strain if slides or not recent else math.nan
 
-    def _velocity_at(self, stamp_ns: int) -> float:
-        """Return the velocity [mm/ns] after the last place, from that and the two before it; or 0.
+    def _goes_on(self, stamp_ns: int) -> bool:
+        """Whether the tool goes on the way that it slides, now and a little later.
 
-        Between two places a tool may have turned: of a wrench at 500 Hz and a pose at 200 Hz there
-        were two readings at each turn, off by twice the friction.
+        A place shows a turn only once the tool has gone back by more than its noise, which takes
+        tens of milliseconds; the velocity shows it as it comes.
         """
-        (last, before, first), (now, then, once) = self._last_mm, self._last_ns
-        if math.isnan(first) or not now > then > once:
-            return 0.0
-        velocity = (last - before) / (now - then)
-        change = velocity - (before - first) / (then - once)
-        # That of the middle of the last step, and so long after it.
-        return velocity + change * (stamp_ns - 0.5 * (now + then)) / (0.5 * (now - once))
+        now, later = (self._motion.velocity_at(stamp_ns + ns) for ns in (0, AHEAD_NS))
+        return self._strain * now >= 0.0 and self._strain * later >= 0.0
 
     def _go(self, stamp_ns: int, displacement_mm: float) -> None:
         """Follow the tool to another place."""
         last, before, first = self._last_mm
         self._last_mm = (displacement_mm, last, before)
-        self._last_ns = (stamp_ns, *self._last_ns[:2])
         third = abs(displacement_mm - 3.0 * last + 3.0 * before - first) / THIRD_DIFFERENCES
         if math.isfinite(third):
             known = self._noise_mm

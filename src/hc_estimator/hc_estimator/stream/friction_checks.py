@@ -43,6 +43,8 @@ RISE_SHARE = 0.2
 """Of the force's range: from which on a force is one of contact."""
 WIDEST_SHARE, FINEST_SHARE, TRIED = 0.3, 1e-3, 25
 """Of the way through the air: the presliding displacements that are tried, and how many."""
+MOST_ROWS = 40_000
+"""Of the end of a recording, in which they are tried: some seconds' work."""
 
 
 class Friction(NamedTuple):
@@ -132,6 +134,9 @@ def find_presliding(
         force_n: force [N], shape (n,); NaN where there is no reading.
         friction: what was found of them.
     """
+    time_s, displacement_mm, force_n = (
+        readings[-MOST_ROWS:] for readings in (time_s, displacement_mm, force_n)
+    )
     there = np.isfinite(displacement_mm)
     depth = np.interp(time_s, time_s[there], displacement_mm[there])
     in_air = np.isfinite(force_n) & (depth < friction.surface_mm)
