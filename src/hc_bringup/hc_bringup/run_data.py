@@ -53,7 +53,7 @@ class RunData:
     Attributes:
         name: name of the recording.
         estimator: filter and state space.
-        time_s: since the first sample [s]; where the clock was set back it goes on (run_clock.py).
+        time_s: since the first sample [s]; where the clock was set it goes on (run_clock.py).
         displacement_mm: measured displacement [mm]; NaN where a sample has none.
         force_n: measured force [N]; NaN where a sample has none.
         estimates: records of hc_msgs/HuntCrossleyEstimate without header, (samples,).
@@ -188,7 +188,8 @@ def recorded(recording: Recording, tip: TipSource | None = None) -> RunData | No
             settings=settings,
             versions=versions,
             **beside,
-        )
+        ),
+        recording,
     )
 
 
@@ -248,13 +249,15 @@ def of_series(
             settings={"contact_model": estimator.contact_model, **estimator.configuration},
             versions={"this software": __version__},
             **beside,
-        )
+        ),
+        recording,
     )
 
 
-def _in_one_clock(data: RunData) -> RunData:
-    """Return a run whose times go on where the recording's clock was set back, and say so."""
-    clock = RunClock.of(data.time_s)
+def _in_one_clock(data: RunData, recording: Recording) -> RunData:
+    """Return a run whose times go on where the recording's clock was set, and say so."""
+    forward_s = [(stamp - int(recording.stamps[0])) * 1e-9 for stamp in recording.set_forward_ns]
+    clock = RunClock.of(data.time_s, forward_s)
     if clock.is_one:
         return data
     events, tip = data.events, data.tip

@@ -18,6 +18,7 @@ from hc_logger.csv_file import CsvReader
 from hc_logger.csv_open import TEXT_SUFFIXES, is_text
 from hc_logger.csv_options import CsvOptions
 from hc_logger.errors import BagError
+from hc_logger.estimate_arrays import log_times
 from hc_logger.foreign import open_bag
 from hc_logger.layout import INTEGER, REAL, records, stamps
 from hc_logger.limits import check_in_memory
@@ -34,6 +35,8 @@ __all__ = ["Recording", "read_recording", "stamps_from_seconds"]
 
 SAMPLE_FIELDS = {"sequence": INTEGER, "displacement": REAL, "force": REAL}
 """Of hc_msgs/IndenterSample."""
+SET_FORWARD_NS = 10_000_000_000
+"""By so much a recorder that stood still takes no two messages closer together than they were."""
 _FARTHEST_S = 2.0**62 / NANOSECONDS
 
 
@@ -97,6 +100,7 @@ def _steps(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _read_bag(path: Path, topic: str, namespace: str) -> Recording:
+    set_forward: tuple[int, ...] = ()
     with open_bag(path, namespace) as reader:
         name = full_name(topic) if topic else sample_topic(reader)
         if name is None and has_sensors(reader):
@@ -114,8 +118,10 @@ def _read_bag(path: Path, topic: str, namespace: str) -> Recording:
             table = all_samples(reader, name)
             stamp = table[STAMP].copy()
         else:
-            table = records(definition, reader.columns(name), SAMPLE_FIELDS)
+            columns = reader.columns(name)
+            table = records(definition, columns, SAMPLE_FIELDS)
             stamp = stamps(table)
+            set_forward = _set_forward(stamp, log_times(columns))
         if not len(table):
             raise BagError(f"{path}: no sample on {name}{_because(reader)}")
         problems, growing = tuple(reader.damage), tuple(reader.being_recorded)
@@ -132,7 +138,22 @@ def _read_bag(path: Path, topic: str, namespace: str) -> Recording:
         table[FORCE].copy(),
         findings_of(rows, np.diff(stamp), problems)._replace(being_recorded=growing),
         namespace=_namespace_of(name),
+        set_forward_ns=set_forward,
     )
+
+
+def _set_forward(stamp: NDArray[np.int64], received: NDArray[np.int64]) -> tuple[int, ...]:
+    """Return the stamps before which the clock of a bag's samples was set forward [ns].
+
+    Args:
+        stamp: of each sample [ns], shape (n,).
+        received: when it came [ns], shape (n,).
+    """
+    if not len(stamp):
+        return ()
+    ahead = np.diff(stamp) - np.diff(received)
+    jumps = (ahead > SET_FORWARD_NS) & (ahead > 0.5 * np.diff(stamp))
+    return tuple(stamp[1:][jumps].tolist())
 
 
 def _namespace_of(topic: str) -> str:
