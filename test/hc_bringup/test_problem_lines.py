@@ -79,3 +79,16 @@ def test_another_clock_is_told_even_if_one_was_told_before(capsys):
     assert told("", jump) == []
     again = jump.replace("+", "-")
     assert told("", again) == [again]
+
+
+def test_that_a_node_died_and_is_started_again_is_told_at_once(capsys):
+    """Regression: of a run without a panel its summary told that, and nothing before."""
+    display = Display(enabled=False)
+    shown = RunState(EstimateStatistics(), 0.0, elapsed_s=12.34)
+    for expected in (["12.3 s: recorder gone"], []):
+        shown.revived = ["recorder gone"]
+        display._tell_problems(shown)
+        assert capsys.readouterr().err.splitlines() == expected
+    shown.revived.append("estimator gone")
+    display._tell_problems(shown)
+    assert capsys.readouterr().err.splitlines() == ["12.3 s: estimator gone"]

@@ -83,6 +83,7 @@ class Display:
         self._reported: dict[str, set[str]] = {}
         self._doubted: dict[str, set[str]] = {}
         self._afresh: dict[str, str] = {}
+        self._revived = 0
         self._silence_reported = False
 
     def __enter__(self) -> Display:
@@ -175,6 +176,10 @@ class Display:
 
     def _tell_problems(self, state: RunState) -> None:
         """Write a line for each problem that is new, and not for one whose numbers change."""
+        for line in state.revived[self._revived :]:
+            sys.stderr.write(f"{state.elapsed_s:.1f} s: {line}\n")
+            sys.stderr.flush()
+        self._revived = len(state.revived)
         for name in set(self._reported) - set(state.problems):
             del self._reported[name]
         for name, problem in state.problems.items():
