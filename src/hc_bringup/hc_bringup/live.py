@@ -194,10 +194,10 @@ class Display:
             self._tell_afresh(one, whose)
             for name, sentence in one.suspicions.items():
                 # Its numbers change with every look; a clock may be off in one way, then another.
-                told = self._doubted.setdefault(whose + name, set())
+                said = self._doubted.setdefault(whose + name, set())
                 kind = without_numbers(sentence) if name.startswith(Check.CLOCK.value) else {""}
-                if not kind <= told:
-                    told |= kind
+                if not kind <= said:
+                    said |= kind
                     sys.stderr.write(f"{whose}{sentence} ({MEANINGS})\n")
                     sys.stderr.flush()
 
