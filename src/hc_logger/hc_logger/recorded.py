@@ -338,7 +338,7 @@ def _times_set_back(steps: NDArray[Any]) -> int:
     back = np.flatnonzero(steps < 0)
     back = back[back + _RESTART_ROWS <= len(steps)]
     back = back[unordered[back + _RESTART_ROWS] == unordered[back + 1]]
-    return sum(steps[row : row + _RESTART_ROWS].sum() < 0 for row in back.tolist())
+    return sum(bool(steps[row : row + _RESTART_ROWS].sum() < 0) for row in back.tolist())
 
 
 def _repeated(missing: NDArray[np.bool_], steps: NDArray[Any]) -> int:
