@@ -7,6 +7,7 @@ one by one, and whoever reads the recording should know how many there are.
 from __future__ import annotations
 
 import os
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -125,6 +126,7 @@ def _read_bag(path: Path, topic: str, namespace: str) -> Recording:
         if not len(table):
             raise BagError(f"{path}: no sample on {name}{_because(reader)}")
         problems, growing = tuple(reader.damage), tuple(reader.being_recorded)
+        notes = () if topic or namespace else _others(reader, name)
     time_s = (stamp - stamp[0]) * 1e-9
     displacement_mm = table[DISPLACEMENT] * METRE_IN_MM
     rows = np.column_stack([displacement_mm, table[FORCE]])
@@ -136,7 +138,7 @@ def _read_bag(path: Path, topic: str, namespace: str) -> Recording:
         table[SEQUENCE].copy(),
         displacement_mm,
         table[FORCE].copy(),
-        findings_of(rows, np.diff(stamp), problems)._replace(being_recorded=growing),
+        findings_of(rows, np.diff(stamp), problems)._replace(being_recorded=growing, notes=notes),
         namespace=_namespace_of(name),
         set_forward_ns=set_forward,
     )
@@ -154,6 +156,25 @@ def _set_forward(stamp: NDArray[np.int64], received: NDArray[np.int64]) -> tuple
     ahead = np.diff(stamp) - np.diff(received)
     jumps = (ahead > SET_FORWARD_NS) & (ahead > 0.5 * np.diff(stamp))
     return tuple(stamp[1:][jumps].tolist())
+
+
+def _others(bag: Bag, read: str) -> tuple[str, ...]:
+    """Say which samples of a bag are not read, those of a second estimator or arm: a line each."""
+    types = (SAMPLE_TYPE, SAMPLES_TYPE)
+    others = [t.name for t in bag.topics.values() if t.definition.name in types and t.name != read]
+    usual = (full_name(SAMPLE), full_name(SAMPLES))
+    spaces = {
+        name.removesuffix(end): name
+        for name in others
+        for end in usual
+        if name.endswith(end) and name not in usual
+    }
+    return tuple(
+        f"read is {read}, and not {name} (hc bag filter {shlex.quote(str(bag.path))} NEW --topics "
+        f"{shlex.quote(f'{space}/*')} makes a bag of that)"
+        for space, name in sorted(spaces.items())
+        if space != _namespace_of(read)
+    )
 
 
 def _namespace_of(topic: str) -> str:
