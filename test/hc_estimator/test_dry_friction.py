@@ -117,6 +117,19 @@ def test_a_place_that_was_not_read_changes_nothing(ways, gap):
     assert not np.any(np.abs(found[~np.isnan(found)]) > 2.0)
 
 
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -1e300, 1e11, 50.0])
+def test_a_reading_that_cannot_be_spoils_nothing_for_long(wrong):
+    time_s, place, _ = contact(none)
+    stamps = stamped(len(time_s))
+    right = DryFriction(0.3, 0.05).of_many(stamps, place)
+    place[2000] = wrong
+    found = DryFriction(0.3, 0.05).of_many(stamps, place)
+    np.testing.assert_array_equal(found[:2000], right[:2000])
+    later = slice(2000 + 400, None)  # 0.8 s: the next turn is over
+    same = (found[later] == right[later]) | (np.isnan(found[later]) & np.isnan(right[later]))
+    assert np.mean(same) > 0.9
+
+
 def test_noise_of_a_tool_at_rest_is_no_turn():
     """Its force chattered by the friction, so that no tare was taken."""
     random = np.random.default_rng(1)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator.stream.fading_memory import FadingMemory
-from hc_estimator.stream.readings import FloatArray
+from hc_estimator.stream.readings import BEYOND_ANY_SENSOR, FloatArray
 from hc_msgs_py.specification import setting
 
 DRY_FRICTION = setting(
@@ -49,6 +49,8 @@ PLAY = 1.5
 """Deviations of the position's noise, by which a tool that slides may seem to go back."""
 NOISE_WEIGHT = 0.02
 """Of a reading, in the mean by which the noise is known."""
+MOST_NOISES = 10.0
+"""Times the noise, as which a jump counts."""
 THIRD_DIFFERENCES = 3.568
 """Their mean size for white noise of deviation 1: sqrt(20) sqrt(2 / pi)."""
 AHEAD_NS = 30_000_000
@@ -91,7 +93,7 @@ class DryFriction:
         """
         if self.newtons == 0.0:
             return 0.0
-        if math.isfinite(displacement_mm):
+        if abs(displacement_mm) < BEYOND_ANY_SENSOR:  # which NaN is not
             self._motion.take(stamp_ns, displacement_mm)
             self._go(stamp_ns, displacement_mm)
         slides = abs(self._strain) == 1.0 and self._goes_on(stamp_ns)
@@ -114,7 +116,8 @@ class DryFriction:
         third = abs(displacement_mm - 3.0 * last + 3.0 * before - first) / THIRD_DIFFERENCES
         if math.isfinite(third):
             known = self._noise_mm
-            self._noise_mm = third if known == 0.0 else known + NOISE_WEIGHT * (third - known)
+            third = min(third, MOST_NOISES * known) if known else third
+            self._noise_mm = known + NOISE_WEIGHT * (third - known) if known else third
         if math.isnan(self._place_mm):
             self._place_mm = self._middle_mm = displacement_mm
         play = PLAY * self._noise_mm
