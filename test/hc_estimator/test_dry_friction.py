@@ -130,16 +130,19 @@ def test_a_reading_that_cannot_be_spoils_nothing_for_long(wrong):
     assert np.mean(same) > 0.9
 
 
-def test_noise_of_a_tool_at_rest_is_no_turn():
+@pytest.mark.parametrize("presliding", [1e-4, 0.002, 0.02])
+@pytest.mark.parametrize("moved_mm", [0.0, 5.0])
+def test_noise_of_a_tool_at_rest_is_no_turn(presliding, moved_mm):
     """Its force chattered by the friction, so that no tare was taken."""
     random = np.random.default_rng(1)
-    place = np.concatenate([np.linspace(0.0, 5.0, 1000), np.full(3000, 5.0)])
+    place = np.concatenate([np.linspace(0.0, moved_mm, 1000), np.full(3000, moved_mm)])
     place += 0.003 * random.standard_normal(len(place))
-    found = DryFriction(0.3, 0.02).of_many(stamped(len(place)), place)
+    found = DryFriction(0.3, presliding).of_many(stamped(len(place)), place)
     resting = found[2000:]
-    assert np.nanstd(resting) < 0.05
-    assert np.mean(np.isnan(resting)) < 0.3
-    assert np.mean(found[500:1000] == 0.3) > 0.9
+    assert np.nanstd(resting) < 0.06
+    assert np.mean(np.isnan(resting)) < 0.4
+    if moved_mm:
+        assert np.mean(found[500:1000] == 0.3) > 0.9
 
 
 def test_a_turn_that_takes_long_is_a_rest():

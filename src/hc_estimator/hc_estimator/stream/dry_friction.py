@@ -47,6 +47,9 @@ TAKEN_OFF_ALREADY = f"{DRY_FRICTION.name}.taken_off"
 """In a configuration: of samples that are recorded less it."""
 PLAY = 1.5
 """Deviations of the position's noise, by which a tool that slides may seem to go back."""
+SHORTEST = 5.0
+"""Deviations of the position's noise, below which no presliding counts: a tool at rest would seem
+to slide to and fro."""
 NOISE_WEIGHT = 0.02
 """Of a reading, in the mean by which the noise is known."""
 MOST_NOISES = 10.0
@@ -122,10 +125,11 @@ class DryFriction:
             self._place_mm = self._middle_mm = displacement_mm
         play = PLAY * self._noise_mm
         place = min(max(self._place_mm, displacement_mm - play), displacement_mm + play)
-        strain = (place - self._middle_mm) / self.presliding_mm
+        way = max(self.presliding_mm, SHORTEST * self._noise_mm)
+        strain = (place - self._middle_mm) / way
         if abs(strain) >= 1.0:
             strain = math.copysign(1.0, strain)
-            self._middle_mm = place - strain * self.presliding_mm
+            self._middle_mm = place - strain * way
             self._slid_ns = stamp_ns
         self._place_mm, self._strain = place, strain
 

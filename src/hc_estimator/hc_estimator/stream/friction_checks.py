@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_estimator.stream.dry_friction import DryFriction
+from hc_estimator.stream.dry_friction import SHORTEST, DryFriction
 from hc_estimator.stream.readings import (
     Check,
     FloatArray,
@@ -143,7 +143,9 @@ def find_presliding(
     reach = friction.surface_mm - float(np.min(depth))
     left = force_n[in_air] - friction.zero_n
     stamps_ns = np.round(time_s * NANOSECONDS).astype(np.int64)
-    ways = np.geomspace(FINEST_SHARE * reach, WIDEST_SHARE * reach, TRIED)
+    widest = WIDEST_SHARE * reach
+    finest = max(FINEST_SHARE * reach, SHORTEST * noise(displacement_mm[there]))
+    ways = np.geomspace(min(finest, widest), widest, TRIED)
     rests = []
     for way_mm in ways.tolist():
         taken_off = DryFriction(friction.newtons, way_mm).of_many(stamps_ns, displacement_mm)
