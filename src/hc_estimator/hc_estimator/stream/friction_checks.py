@@ -230,10 +230,11 @@ def _air(
     level, off = going_out
     flat = ~(np.abs(level) > off)  # it counts from what it is at the end of the way
     end = BINS if flat.all() else int(np.argmin(flat))
-    known = level[~np.isnan(level)]
-    if not (len(known) and FLAT_BINS <= end < BINS and known[-1] > RISE_SHARE * range_n):
+    if end < FLAT_BINS:
         return None
     level, off = going_in
+    if np.isnan(level).all() or float(np.nanmax(level)) < RISE_SHARE * range_n:
+        return None  # no contact beside the air
     best = (0, 0)
     for first in range(end):
         flat = np.abs(level[first:end] - level[first]) <= off[first:end]
