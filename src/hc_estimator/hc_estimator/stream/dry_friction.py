@@ -56,6 +56,8 @@ MOST_NOISES = 10.0
 """Times the noise, as which a jump counts."""
 THIRD_DIFFERENCES = 3.568
 """Their mean size for white noise of deviation 1: sqrt(20) sqrt(2 / pi)."""
+SLIDES_SHARE = 0.1
+"""Of presliding: who goes less far slides no further."""
 AHEAD_NS = 30_000_000
 """From so long before a turn on that is foreseen, readings are left out."""
 TURN_NS = 500_000_000
@@ -73,7 +75,8 @@ class DryFriction:
     def __init__(self, newtons: float = 0.0, presliding_mm: float = 0.02) -> None:
         self.newtons, self.presliding_mm = newtons, presliding_mm
         self._strain = 0.0  # -1 on the way out, 1 on the way in
-        self._slid_ns: int | None = None  # when it slid last
+        self._slid_ns: int | None = None  # when it slid last, and where
+        self._slid_mm = math.nan
         self._place_mm = self._middle_mm = math.nan  # without noise; where friction would be none
         self._last_mm = (math.nan, math.nan, math.nan)
         self._noise_mm = 0.0
@@ -130,7 +133,10 @@ class DryFriction:
         if abs(strain) >= 1.0:
             strain = math.copysign(1.0, strain)
             self._middle_mm = place - strain * way
-            self._slid_ns = stamp_ns
+            # What rests slides no more, though its last strain stays and the play still settles.
+            least_mm = SLIDES_SHARE * way
+            if displacement_mm != last and not abs(place - self._slid_mm) <= least_mm:
+                self._slid_ns, self._slid_mm = stamp_ns, place
         self._place_mm, self._strain = place, strain
 
     def of_many(self, stamps_ns: NDArray[np.int64], displacements_mm: FloatArray) -> FloatArray:
