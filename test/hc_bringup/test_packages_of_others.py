@@ -1,5 +1,6 @@
 """Filters and commands from packages outside the tree; hc new filter makes one."""
 
+import errno
 import json
 import os
 import subprocess
@@ -15,6 +16,26 @@ from hc_bringup.cli import main
 pytestmark = pytest.mark.process
 Installer = Callable[[Path, str, str], None]
 Runner = Callable[..., subprocess.CompletedProcess[str]]
+
+
+def test_half_a_package_is_not_left_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A disk that was full for a moment: "exists already" was the answer to the next attempt."""
+    folder, write, left = tmp_path / "held_ekf_package", Path.write_text, [2]
+
+    def fill(path: Path, text: str, encoding: str) -> int:
+        left[0] -= 1
+        if left[0] < 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(path, text, encoding=encoding)
+
+    monkeypatch.setattr(Path, "write_text", fill)
+    assert main(["new", "filter", "held_ekf", "-o", str(folder)]) == 1
+    assert capsys.readouterr().err == f"hc new: cannot write {folder}: No space left on device\n"
+    assert not folder.exists()
+    monkeypatch.undo()
+    assert main(["new", "filter", "held_ekf", "-o", str(folder)]) == 0
 
 
 def test_a_command_of_another_package_and_one_that_is_broken(

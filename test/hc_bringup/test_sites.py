@@ -52,7 +52,7 @@ DIAGNOSE, DIAGNOSE_CHANNELS = once(diagnose), once(diagnose_channels)
 def places_are_diagnosed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """A recording, or the same in another format, is given to most tests with other options."""
     monkeypatch.setattr("hc_bringup.sites.diagnose", DIAGNOSE)
-    monkeypatch.setattr("hc_bringup.place_delay.diagnose_channels", DIAGNOSE_CHANNELS)
+    monkeypatch.setattr("hc_evaluation.channels.diagnose_channels", DIAGNOSE_CHANNELS)
 
 
 def palpation(noise_n: float = 0.01) -> tuple[np.ndarray, ...]:

@@ -16,7 +16,7 @@ from hc_bringup.cut_time import cut_gaps
 from hc_bringup.picture_cuts import show_cuts
 from hc_bringup.run_data import Array, RunData
 from hc_estimator import PARAMETER_NAMES
-from hc_evaluation.channels import GAP_STEPS
+from hc_evaluation.gaps import GAP_STEPS
 from hc_sim_rig.picture_style import (
     ALARM,
     BAND,

@@ -17,7 +17,6 @@ from hc_bringup.tip_path import TipPath
 from hc_estimator.stream.readings import noise
 from hc_estimator.stream.surface import find_surface
 from hc_estimator.stream.together import together
-from hc_evaluation.channels import diagnose_channels, evenly_spaced, unbroken
 
 Array = NDArray[np.float64]
 
@@ -96,6 +95,9 @@ def delay_at(places: Iterable[tuple[Array, Array, Array]]) -> Delay | None:
         places: stamps [s], penetration [mm] from the surface on and contact force [N] of each; NaN
             where there is no reading.
     """
+    # Two seconds of scipy, which the end of a run does without.
+    from hc_evaluation.channels import diagnose_channels, evenly_spaced, unbroken
+
     sure = []
     for place in itertools.islice(places, MOST_PLACES):
         try:

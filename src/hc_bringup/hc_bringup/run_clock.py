@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_evaluation.channels import GAP_STEPS
+from hc_evaluation.gaps import GAP_STEPS
 
 Array = NDArray[np.float64]
 

@@ -21,6 +21,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from hc_estimator.contact.arrays import force_gradient, hunt_crossley_force
 from hc_estimator.stream.correlation import samples_for_one
 from hc_estimator.stream.together import together
+from hc_evaluation.gaps import GAP_STEPS
 from hc_evaluation.hold_forward import smooth_motion
 
 FloatArray = NDArray[np.float64]
@@ -44,8 +45,6 @@ LARGEST_EXPONENT = 5.0
 SHORTEST_STEP_S = 1e-7
 MOST_BETWEEN = 20.0
 """Rows made for each row there is: recordings of two days in one file are filled up by no more."""
-GAP_STEPS = 5.0
-"""A step of a channel so many times its usual one is a gap: a line drawn across it looks late."""
 LEAST_STRETCH_S = 2.0
 """In a shorter time without a gap no delay can be told."""
 SMOOTHING_S = (0.06, 0.12, 0.24, 0.48)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 FloatArray = NDArray[np.float64]
 
@@ -72,8 +72,8 @@ def chi_square_band(degrees: int, samples: int, probability: float = 0.999) -> t
     tail = 0.5 * (1.0 - probability)
     freedom = degrees * samples
     return (
-        float(chi2.ppf(tail, freedom)) / samples,
-        float(chi2.ppf(1.0 - tail, freedom)) / samples,
+        float(2.0 * gammaincinv(0.5 * freedom, tail)) / samples,
+        float(2.0 * gammaincinv(0.5 * freedom, 1.0 - tail)) / samples,
     )
 
 

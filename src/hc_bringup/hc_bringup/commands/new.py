@@ -6,6 +6,7 @@ import argparse
 import importlib.util
 import keyword
 import shlex
+import shutil
 import sys
 from pathlib import Path
 
@@ -47,6 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
             text = template.read_text(encoding="utf-8").replace("NAME", name)
             target.write_text(text, encoding="utf-8")
     except OSError as error:
+        shutil.rmtree(folder, ignore_errors=True)  # half a package: it was not there before
         raise UserError(f"cannot write {folder}: {error.strerror}") from error
     python = shlex.quote(sys.executable)
     print(f"{folder} is made. Install it into this environment, and every command knows it:")

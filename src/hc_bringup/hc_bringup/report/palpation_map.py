@@ -15,7 +15,6 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.distance import cdist
 
 from hc_bringup.dashboard.palpation import MAP_COLUMNS, PalpationMap
 from hc_bringup.errors import UserError
@@ -338,6 +337,8 @@ def _level_std(process: Any, grid: Array) -> Array:
 
 def _is_near(grid: Array, touched_mm: Array) -> NDArray[np.bool_]:
     """Return where something was felt as near as felt places lie to each other, (points,)."""
+    from scipy.spatial.distance import cdist  # slow to import, and few runs have a map
+
     between = cdist(touched_mm, touched_mm)
     np.fill_diagonal(between, np.inf)
     spacing = float(np.median(between.min(axis=1)))

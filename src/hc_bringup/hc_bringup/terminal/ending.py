@@ -11,7 +11,6 @@ from itertools import groupby
 from typing import Final
 
 import numpy as np
-from matplotlib import colormaps
 from numpy.typing import NDArray
 from rich.text import Text
 
@@ -118,5 +117,7 @@ def _sentences(data: RunData, found: StiffnessMap | None) -> list[Text]:
 
 
 def _hex(share: float) -> str:
+    from matplotlib import colormaps  # takes most of a second, and few runs moved along a surface
+
     red, green, blue = (round(255 * c) for c in colormaps["viridis"](float(share))[:3])
     return f"#{red:02x}{green:02x}{blue:02x}"
