@@ -1,10 +1,12 @@
 """A bag of two arms, each in a namespace: what belongs to an arm is found, whoever reads."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from hc_bringup.cli import main
 from hc_bringup.run_data import recorded
 from hc_bringup.run_ending import show_ending
 from hc_logger.edit import filter_bag
@@ -73,6 +75,26 @@ def test_one_arm_beside_one_without_a_namespace(tmp_path: Path) -> None:
     other = read_recording(bag, namespace="/other")
     assert other.namespace == "/other"
     assert other.estimates["sequence"].size == read_recording(bag).estimates["sequence"].size
+
+
+def test_which_of_two_estimators_is_read_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: --verify said that all estimates are the same, and saw those of one of two."""
+    bag = copy_of_example(tmp_path / "both", "", "/other")
+    said = (
+        f"read is /indenter/sample, and not /other/indenter/sample (hc bag filter {bag} NEW "
+        "--topics '/other/*' makes a bag of that)"
+    )
+    assert read_recording(bag).findings.notes == (said,)
+    assert read_recording(bag, namespace="/other").findings.notes == ()
+    assert read_recording(EXAMPLE).findings.notes == ()
+    assert main(["estimate", str(bag), "--verify"]) == 0
+    told = capsys.readouterr()
+    assert told.err.splitlines() == [f"{bag}: {said}"]
+    assert "6061 estimates recomputed, 0 different" in told.out
+    assert main(["estimate", str(bag), "--verify", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["notes"] == [said]
 
 
 def test_a_run_of_two_ends_with_a_picture_of_each(

@@ -1,18 +1,17 @@
 """Lines of a run without a panel: what is wrong is told once, not once a second."""
 
-from types import SimpleNamespace
-
 from hc_bringup.live import Display
 from hc_bringup.monitor import Monitor
 from hc_bringup.phrases import left_of, without_numbers
 from hc_bringup.run_state import RunState
 from hc_bringup.statistics import EstimateStatistics
+from hc_estimator.stream.readings import SUSPECT
 
 
 def test_a_problem_whose_numbers_change_is_told_once(capsys):
     """Regression: a sensor that was dead for a minute gave sixty lines."""
     display = Display(enabled=False)
-    shown = SimpleNamespace(problems={}, suspicions={}, others=())
+    shown = RunState(EstimateStatistics(), 0.0)
 
     def told(**problems):
         shown.problems = problems
@@ -52,3 +51,44 @@ def test_that_no_sample_comes_any_more_is_no_problem_when_the_source_has_ended()
     assert not monitor.has_finished("indenter")
     state.problems = {"estimator": "no usable sample for 9 s"}  # before it ended already
     assert set(state.after_the_source(said)) == {"estimator", "recorder", "player"}
+
+
+def test_another_clock_is_told_even_if_one_was_told_before(capsys):
+    """Regression: of a driver that came back with stamps as of 1970 nothing was said.
+
+    Its clock had been an hour ahead before, and what was doubted was told once for each check.
+    """
+    display = Display(enabled=False)
+    ahead = "samples are stamped {} s in the future: the clocks of sensor and computer differ"
+    shown = RunState(EstimateStatistics(), 0.0)
+
+    def told(doubt, message="estimating"):
+        said = {"message": message}
+        if doubt:
+            said[f"{SUSPECT}clock of samples"] = doubt
+        shown.diagnostics["estimator"] = said
+        display._tell_problems(shown)
+        return capsys.readouterr().err.splitlines()
+
+    assert len(told(ahead.format(3600))) == 1
+    assert told(ahead.format(3601)) == []
+    assert told("") == []
+    assert told("samples are stamped as of 1970")[0].startswith("samples are stamped as of 1970")
+    jump = "stamps jumped by +3601.244 s: the estimator was started afresh"
+    assert told("", f"{jump}; lost 3") == [jump]
+    assert told("", jump) == []
+    again = jump.replace("+", "-")
+    assert told("", again) == [again]
+
+
+def test_that_a_node_died_and_is_started_again_is_told_at_once(capsys):
+    """Regression: of a run without a panel its summary told that, and nothing before."""
+    display = Display(enabled=False)
+    shown = RunState(EstimateStatistics(), 0.0, elapsed_s=12.34)
+    for expected in (["12.3 s: recorder gone"], []):
+        shown.revived = ["recorder gone"]
+        display._tell_problems(shown)
+        assert capsys.readouterr().err.splitlines() == expected
+    shown.revived.append("estimator gone")
+    display._tell_problems(shown)
+    assert capsys.readouterr().err.splitlines() == ["12.3 s: estimator gone"]

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from hc_bringup.cli import main
+from hc_bringup.real_readings import at_even_times
+from hc_logger.recording import read_recording
 
 SAID = "the displacement is interpolated between readings of 250 Hz: only those are used"
 K = 0.3
@@ -257,3 +259,27 @@ def test_a_channel_alone_is_put_at_even_times(arrived, tmp_path, capsys):
     assert "the stamps of the force are those of arrival" in said
     assert "stamps of the displacement" not in said
     assert abs(stiffness - 1.1) < 0.01
+
+
+def test_rows_that_are_read_at_even_times_are_not_said_to_be_rejected(tmp_path):
+    """Regression: "6399 rows with the time of the row before: the estimator rejects them".
+
+    The times were rounded to hundredths of a second, all rows were read at an even 500 Hz, and
+    8000 of 8000 were used.
+    """
+    time_s = np.arange(4000) / 500.0
+    depth = 3.0 + 1.5 * np.sin(2.0 * np.pi * 0.7 * time_s) + np.sin(2.0 * np.pi * 1.9 * time_s)
+    force = 0.4 * depth**1.5
+    path = tmp_path / "rounded.csv"
+    rows = zip(time_s, depth, force, strict=True)
+    lines = [f"{t:.2f},{d:.5f},{f:.5f}" for t, d, f in rows]
+    path.write_text("\n".join(["time_s,displacement_mm,force_N", *lines, ""]))
+    recording = at_even_times(read_recording(path), {})
+    said = recording.findings.lines()
+    assert any("read at an even 500 Hz" in line for line in said)
+    assert not any("rejects" in line for line in said), said
+    assert (np.diff(recording.stamps) > 0).all()
+    as_they_stand = at_even_times(
+        read_recording(path), {"position.stamps": "measured", "force.stamps": "measured"}
+    )
+    assert any("with the time of the row before" in s for s in as_they_stand.findings.lines())

@@ -48,12 +48,14 @@ def test_a_killed_estimator_comes_again_and_knows_the_tissue(command_line) -> No
         assert time.monotonic() < deadline, "no second estimator"
         time.sleep(0.1)
     estimates = command_line.folder / "bags"
-    wait_for_gap_and_flow(process)
+    told = wait_for_gap_and_flow(process)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 0, err
     summary = json.loads(out)
     assert summary["respawns"] == 1
+    # Regression: of a node that had died only the summary told.
+    assert any(" s: estimator was ended by SIGKILL, and is started again" in line for line in told)
     assert second != first
     assert estimates.is_dir()
 
@@ -154,17 +156,22 @@ def wait_until_gone(command_line) -> None:
         time.sleep(0.1)
 
 
-def wait_for_gap_and_flow(process) -> None:
-    """Read the live lines until estimates have stood still and then come for three seconds."""
+def wait_for_gap_and_flow(process) -> list[str]:
+    """Read the live lines until estimates have stood still and then come for three seconds.
+
+    Returns what else was said.
+    """
     gap, flowing = False, 0
+    told = []
     for line in process.stderr:
+        told.append(line)
         if "Hz" not in line:
             continue
         rate = float(line.split()[2])
         gap = gap or rate < 50.0
         flowing = flowing + 1 if gap and rate > 200.0 else 0
         if flowing >= 3:
-            return
+            return told
     raise AssertionError("the run ended early")
 
 

@@ -13,7 +13,8 @@ from hc_bringup.report.rows import page_rows
 from hc_bringup.run_clock import PAUSE_S, RunClock
 from hc_bringup.run_data import estimated
 from hc_estimator import create_estimator
-from hc_logger.recording import read_recording
+from hc_logger.recorded import findings_of
+from hc_logger.recording import _set_forward, read_recording
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "bags" / "example"
 STEP_S = 0.002
@@ -73,3 +74,55 @@ def test_times_without_a_clock_that_was_set_back_stay_as_they_are(time_s: np.nda
     assert clock.is_one
     assert clock.lines() == []
     np.testing.assert_array_equal(clock.of_rows(time_s), time_s)
+
+
+def test_a_clock_that_was_set_forward_does_not_stretch_a_run() -> None:
+    """Regression: a report of a run of 72 s was 1796028810.61 s long, its charts empty."""
+    whole = read_recording(EXAMPLE)
+    half = len(whole.time_s) // 2
+    ahead = np.arange(len(whole.time_s)) >= half
+    recording = dataclasses.replace(
+        whole,
+        is_bag=False,
+        time_s=whole.time_s + 3600.0 * ahead,
+        stamps=whole.stamps + 3600 * 10**9 * ahead,
+        set_forward_ns=(int(whole.stamps[half]) + 3600 * 10**9,),
+    )
+    data = estimated(recording, create_estimator("ukf"))
+    assert np.diff(data.time_s)[half - 1] == pytest.approx(PAUSE_S)
+    assert data.time_s[-1] == pytest.approx(whole.time_s[-1] - whole.time_s[0] + PAUSE_S, abs=0.01)
+    assert "the clock was set forward by 3600 s at " in data.findings[-1]
+
+
+def test_a_bag_tells_a_clock_that_was_set_forward_from_a_pause() -> None:
+    step = 2_000_000
+    received = np.arange(100, dtype=np.int64) * step
+    received[50:] += 60 * 10**9  # nobody published for a minute
+    stamps = received.copy()
+    assert _set_forward(stamps, received) == ()
+    stamps[70:] += 3600 * 10**9
+    assert _set_forward(stamps, received) == (int(stamps[70]),)
+    received[:40] = received[40]  # a recorder that stood still took many at once
+    assert _set_forward(stamps, received) == (int(stamps[70]),)
+
+
+def test_rows_behind_a_clock_that_was_set_back_are_not_said_to_be_rejected() -> None:
+    """Regression: "1 row with a time before ...: the estimator rejects them", and it used all."""
+    rows = np.ones((400, 2))
+    steps = np.full(399, 0.002)
+    steps[99] = -1e9
+    found = findings_of(rows, steps, ())
+    assert (found.backward, found.set_back) == (0, 1)
+    assert found.lines() == [
+        "the clock was set back (a driver that was started again, or a clock that was put right): "
+        "the estimator begins anew there"
+    ]
+    steps[199] = -1e3
+    assert "set back 2 times (" in findings_of(rows, steps, ()).lines()[0]
+    steps[130] = -0.001  # before the estimator would have gone on from there
+    found = findings_of(rows, steps, ())
+    assert (found.backward, found.set_back) == (2, 1)
+    steps[:] = 0.002
+    steps[99], steps[100] = -0.5, 0.504  # a stamp out of place
+    assert (findings_of(rows, steps, ())[2], findings_of(rows, steps, ()).set_back) == (1, 0)
+    assert findings_of(rows, -steps, ()).set_back == 0  # from last to first

@@ -1,6 +1,7 @@
 """What was recorded belongs together: sample, estimate and truth of one instant."""
 
 import dataclasses
+import re
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hc_bringup.run_data import _places_of, recorded
+from hc_bringup.report.run_page import _figure_table, begins_at
+from hc_bringup.run_data import _EARLIEST_NS, estimated, recorded
+from hc_bringup.sample_places import places_of
+from hc_estimator import create_estimator
 from hc_logger.recording import read_recording
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "bags" / "example"
@@ -51,6 +55,23 @@ def test_places_are_those_of_stamp_and_number(there, wanted):
         return stamps, np.array([row[1] for row in rows], np.uint64)
 
     wanted = [*wanted, *there[:3]]
-    found = _places_of(*columns(wanted), *columns(there))
+    found = places_of(*columns(wanted), *columns(there))
     last = {pair: place for place, pair in enumerate(there)}
     assert found.tolist() == [last.get(pair, -1) for pair in wanted]
+
+
+def test_a_run_says_when_it_began_where_its_times_do():
+    """Regression: a report that was mailed did not say of which day it was."""
+    once = read_recording(EXAMPLE)
+    assert once.stamps[0] > _EARLIEST_NS
+    data = recorded(once)
+    assert data is not None
+    assert data.begins_ns == once.stamps[0]
+    date = re.search(r"<td>begins</td><td>([^<]*)</td>", _figure_table(data))
+    assert date is not None
+    assert date[1] == begins_at(int(once.stamps[0]))
+    assert begins_at(1796029915 * 10**9 + 238_373_000) == "2026-11-30 09:11:55 UTC"
+    since_start = dataclasses.replace(once, stamps=once.stamps - once.stamps[0])
+    of_a_file = estimated(dataclasses.replace(since_start, is_bag=False), create_estimator("ukf"))
+    assert of_a_file.begins_ns is None
+    assert "begins" not in _figure_table(of_a_file)

@@ -260,9 +260,9 @@ def test_summary_of_a_run_without_any_estimate_is_valid_json_and_text() -> None:
 @pytest.mark.parametrize("age_s", [0.0003, 1.8e9])
 def test_the_age_of_stamps_of_a_simulation_is_no_latency(age_s: float) -> None:
     """Regression: "p50 1000000000000000 us" of stamps that count from the start."""
-    state = state_after([0, 1, 2], samples=3)
-    for _ in range(10):
-        state.statistics.latency.add(round(age_s * 1e9))
+    state = RunState(EstimateStatistics(), 0.0, samples=13)
+    for sequence in range(13):
+        state.statistics.add(estimate(sequence, latency=age_s))
     summary = run_summary(state, None)
     told = "of another clock" if age_s > 1.0 else "p50 "
     assert f"stamp to estimate: {told}" in run_text(summary).replace("the stamps are ", "")
@@ -291,3 +291,25 @@ def test_a_force_before_the_first_displacement_is_no_fault_of_a_sensor() -> None
     assert (
         "rejected 1 not_finite\nnot_finite: a reading that is no finite number, or a force" in said
     )
+
+
+def test_stamps_of_another_clock_make_no_latency() -> None:
+    """Regression: "p99 1000000000000000 us" after a driver that came back with stamps of 1970.
+
+    And "p50 0 us" where its clock was an hour ahead.
+    """
+    state = RunState(EstimateStatistics(), 0.0, samples=30)
+    for sequence in range(10):
+        state.statistics.add(estimate(sequence, latency=-3600.0))
+    summary = run_summary(state, None)
+    assert math.isnan(summary["latency_us"]["p50"])
+    assert "stamp to estimate: the stamps are of another clock" in run_text(summary)
+    for sequence in range(10, 20):
+        state.statistics.add(estimate(sequence, latency=1.8e9))
+    for sequence in range(20, 30):
+        state.statistics.add(estimate(sequence))
+    summary = run_summary(state, None)
+    assert (summary["foreign_stamps"], state.statistics.latency.count) == (20, 10)
+    assert summary["latency_us"]["max"] == pytest.approx(1000.0, rel=0.02)
+    said = run_text(summary)
+    assert "max 1000 us, without 20 samples stamped by another clock" in said

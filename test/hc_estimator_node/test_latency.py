@@ -5,6 +5,7 @@ import pytest
 from hc_estimator.stream.latency import LatencyClock
 from hc_estimator.stream.readings import Check
 from hc_estimator.stream.stamp_watch import StampWatch
+from hc_estimator.stream.suspicion_watch import SuspicionWatch
 
 HOUR = 3_600_000_000_000
 MS = 1_000_000
@@ -100,3 +101,26 @@ def test_a_machine_that_falls_behind_is_no_clock_of_another_pace():
     for look, age in enumerate(ages):
         watch.add(age * MS, live=True)
         assert not any("as fast as" in s.sentence for s in watch.take(2.0 * look))
+
+
+def test_a_second_clock_is_told_as_well():
+    """Regression: of a driver that came back with stamps of 1970 nothing was told.
+
+    Its clock had been an hour ahead before, and the doubt of the clock stood already.
+    """
+    watch = SuspicionWatch()
+    told = []
+    for look in range(12):
+        latency_ns = -3600 * 10**9 if look < 6 else 1796 * 10**15
+        for reading in range(20):
+            watch.add((100 * look + reading) * MS, 1.0, 1.0)
+            watch.add_latency(latency_ns + look, live=True)
+        for step in range(21):
+            told += [s.sentence for s in watch.look(2.1 * look + 0.1 * step)]
+    said = [sentence for sentence in told if "stamped" in sentence]
+    assert ["3600 s in the future" in said[0], "as of 1970" in said[1], len(said)] == [
+        True,
+        True,
+        2,
+    ]
+    assert [s.sentence for s in watch.suspicions if s.check is Check.CLOCK] == [said[1]]

@@ -45,7 +45,7 @@ def test_a_clock_that_was_set_back_is_no_new_cycle(tmp_path: Path) -> None:
     path.write_text(cycles(0.0, 2.0))
     recording = read_recording(path)
     assert recording.time_s[ROWS] == 2.0
-    assert "1 row with a time before" in "\n".join(recording.findings.lines())
+    assert "the clock was set back (a driver" in "\n".join(recording.findings.lines())
 
 
 def test_our_own_files_are_read_as_they_stand(tmp_path: Path) -> None:

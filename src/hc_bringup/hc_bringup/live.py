@@ -17,7 +17,7 @@ from rich.live import Live
 
 from hc_bringup import heartbeat
 from hc_bringup.explanation import BackgroundExplainer
-from hc_bringup.phrases import without_numbers
+from hc_bringup.phrases import phrases, without_numbers
 from hc_bringup.plain_stream import drawing_on
 from hc_bringup.run_state import DONE, RUNNING, RunState
 from hc_bringup.statistics import PARAMETERS
@@ -25,7 +25,8 @@ from hc_bringup.terminal.keys import CHOICES, Keys
 from hc_bringup.terminal.numbers import engineering
 from hc_bringup.terminal.panel import PanelPainter
 from hc_bringup.terminal.view import NO_SAMPLES, PanelHistory, PanelView
-from hc_estimator.stream.readings import MEANINGS
+from hc_estimator.stream.readings import MEANINGS, Check
+from hc_estimator.stream.vocabulary import STARTED_AFRESH
 from hc_msgs_py.diagnostics import number_said
 from hc_msgs_py.units import METRE_IN_MM
 
@@ -80,7 +81,9 @@ class Display:
         self._last_phase = ""
         self._page_announced = False
         self._reported: dict[str, set[str]] = {}
-        self._doubted: set[str] = set()
+        self._doubted: dict[str, set[str]] = {}
+        self._afresh: dict[str, str] = {}
+        self._revived = 0
         self._silence_reported = False
 
     def __enter__(self) -> Display:
@@ -173,6 +176,10 @@ class Display:
 
     def _tell_problems(self, state: RunState) -> None:
         """Write a line for each problem that is new, and not for one whose numbers change."""
+        for line in state.revived[self._revived :]:
+            sys.stderr.write(f"{state.elapsed_s:.1f} s: {line}\n")
+            sys.stderr.flush()
+        self._revived = len(state.revived)
         for name in set(self._reported) - set(state.problems):
             del self._reported[name]
         for name, problem in state.problems.items():
@@ -184,11 +191,24 @@ class Display:
             said |= parts
         for one in (state, *state.others):
             whose = f"{one.estimator}: " if state.others else ""
+            self._tell_afresh(one, whose)
             for name, sentence in one.suspicions.items():
-                if whose + name not in self._doubted:  # its numbers change with every look
-                    self._doubted.add(whose + name)
+                # Its numbers change with every look; a clock may be off in one way, then another.
+                said = self._doubted.setdefault(whose + name, set())
+                kind = without_numbers(sentence) if name.startswith(Check.CLOCK.value) else {""}
+                if not kind <= said:
+                    said |= kind
                     sys.stderr.write(f"{whose}{sentence} ({MEANINGS})\n")
                     sys.stderr.flush()
+
+    def _tell_afresh(self, state: RunState, whose: str) -> None:
+        """Say once why an estimator forgot what it knew: its numbers begin anew."""
+        message = state.diagnostics.get(state.estimator, {}).get("message", "")
+        for phrase in phrases(message):
+            if phrase.endswith(STARTED_AFRESH) and self._afresh.get(state.estimator) != phrase:
+                self._afresh[state.estimator] = phrase
+                sys.stderr.write(f"{whose}{phrase}\n")
+                sys.stderr.flush()
 
     def _tell_silence(self, state: RunState) -> None:
         """Write a line when the estimates come no more, and one when they come again.

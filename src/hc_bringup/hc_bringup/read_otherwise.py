@@ -70,7 +70,9 @@ def at_own_stamps(recording: Any, of_displacement: Any, of_force: Any) -> Any:
         if np.array_equal(of_displacement, recording.stamps):
             return recording
         moved_s = (of_force - recording.stamps) * 1e-9
-        return dataclasses.replace(recording, time_s=recording.time_s + moved_s, stamps=of_force)
+        return _counted_anew(
+            dataclasses.replace(recording, time_s=recording.time_s + moved_s, stamps=of_force)
+        )
     channels = (recording.displacement_mm, recording.force_n)
     there = [np.flatnonzero(~np.isnan(values)) for values in channels]
     own = [stamps[rows] for stamps, rows in zip((of_displacement, of_force), there, strict=True)]
@@ -85,14 +87,29 @@ def at_own_stamps(recording: Any, of_displacement: Any, of_force: Any) -> Any:
     readings[: len(there[0]), 0] = channels[0][there[0]]
     readings[len(there[0]) :, 1] = channels[1][there[1]]
     order = np.argsort(stamps, kind="stable")
-    return dataclasses.replace(
-        recording,
-        time_s=times[order],
-        stamps=stamps[order],
-        sequence=np.arange(len(order), dtype=np.uint64),
-        displacement_mm=np.ascontiguousarray(readings[order, 0]),
-        force_n=np.ascontiguousarray(readings[order, 1]),
+    return _counted_anew(
+        dataclasses.replace(
+            recording,
+            time_s=times[order],
+            stamps=stamps[order],
+            sequence=np.arange(len(order), dtype=np.uint64),
+            displacement_mm=np.ascontiguousarray(readings[order, 0]),
+            force_n=np.ascontiguousarray(readings[order, 1]),
+        )
     )
+
+
+def _counted_anew(recording: Any) -> Any:
+    """Return a recording whose findings are of the stamps that it has now."""
+    import numpy as np
+
+    from hc_logger.recorded import findings_of
+
+    rows = np.column_stack([recording.displacement_mm, recording.force_n])
+    found = findings_of(rows, np.diff(recording.stamps), ())
+    names = ("repeated", "backward", "set_back")
+    of_stamps = {name: getattr(found, name) for name in names}
+    return dataclasses.replace(recording, findings=recording.findings._replace(**of_stamps))
 
 
 def check_as_read(sensors: Mapping[str, Any]) -> None:

@@ -1,12 +1,13 @@
-"""One clock for a run whose own was set back: what came after it is laid behind what came before.
+"""One clock for a run whose own was set: what came after it is laid behind what came before.
 
 A driver that is started again with another clock, or a clock that is put right, gives stamps that
-lie before those that were there already. Drawn to scale the two parts would lie hours apart in the
-wrong order, and a run would last less than nothing.
+lie before those that were there already, or years ahead. Drawn to scale the two parts would lie
+hours apart, in the wrong order, and a run would last less than nothing, or for years.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -18,6 +19,8 @@ Array = NDArray[np.float64]
 
 PAUSE_S: Final = 1.0
 """Between two parts: how long it really took no stamp says."""
+_SAME_S: Final = 1e-6
+"""Times of years, in a float64, are known to less than that."""
 _CONFIRMED: Final = 5
 """Readings that go on from there: fewer are stamps out of place."""
 
@@ -38,13 +41,14 @@ class RunClock(NamedTuple):
     shift_s: Array
 
     @classmethod
-    def of(cls, time_s: Array) -> RunClock:
+    def of(cls, time_s: Array, forward_s: Array | Sequence[float] = ()) -> RunClock:
         """Find the parts.
 
         Args:
             time_s: in the order of the recording [s], shape (n,), n > 0; need not be finite.
+            forward_s: times of samples before which the clock was set forward [s].
         """
-        first = np.append(0, _set_back(time_s))
+        first = np.unique(np.concatenate(([0], _set_back(time_s), _set_at(time_s, forward_s))))
         ends = np.append(first[1:], len(time_s))
         parts = [time_s[a:b][np.isfinite(time_s[a:b])] for a, b in zip(first, ends, strict=True)]
         start_s = np.array([part[0] if len(part) else 0.0 for part in parts])
@@ -56,7 +60,7 @@ class RunClock(NamedTuple):
 
     @property
     def is_one(self) -> bool:
-        """Whether the clock was never set back."""
+        """Whether the clock was never set."""
         return len(self.first) == 1
 
     def of_rows(self, time_s: Array) -> Array:
@@ -73,14 +77,24 @@ class RunClock(NamedTuple):
         return found
 
     def lines(self) -> list[str]:
-        """Say where it was set back, a line each."""
+        """Say where it was set, a line each."""
         return [
-            f"the clock was set back by {end - start:.4g} s at {end + shift:.4g} s: what came "
-            f"after is told and shown {PAUSE_S:g} s behind that"
+            f"the clock was set {'back' if start < end else 'forward'} by {abs(end - start):.4g} s "
+            f"at {end + shift:.4g} s: what came after is told and shown {PAUSE_S:g} s behind that"
             for end, shift, start in zip(
                 self.end_s[:-1], self.shift_s[:-1], self.start_s[1:], strict=True
             )
         ]
+
+
+def _set_at(time_s: Array, forward_s: Array | Sequence[float]) -> NDArray[np.intp]:
+    """Return the rows in which the time goes to one of these, or past it."""
+    rows = []
+    with np.errstate(invalid="ignore"):
+        for at in forward_s:
+            reached = (time_s[:-1] < at - _SAME_S) & (time_s[1:] >= at - _SAME_S)
+            rows.extend((np.flatnonzero(reached) + 1).tolist())
+    return np.array(rows, np.intp)
 
 
 def _set_back(time_s: Array) -> NDArray[np.intp]:

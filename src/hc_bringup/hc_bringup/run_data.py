@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.run_clock import RunClock
+from hc_bringup.sample_places import places_of
 from hc_bringup.tip_path import TipPath, TipSource, tip_of
 from hc_estimator import PARAMETER_NAMES, EstimateSeries, Estimator, __version__
 from hc_estimator.stream.in_pieces import run_in_pieces
@@ -35,6 +36,8 @@ from hc_msgs_py.topics import TRUTH
 Array = NDArray[np.float64]
 
 TRUTH_TYPE: Final = "hc_msgs/msg/IndenterTruth"
+_EARLIEST_NS: Final = 10**18
+"""Of 2001: smaller times count from some start."""
 STAMP_FIELDS: Final = ("header.stamp.sec", "header.stamp.nanosec", "header.frame_id")
 
 
@@ -53,7 +56,7 @@ class RunData:
     Attributes:
         name: name of the recording.
         estimator: filter and state space.
-        time_s: since the first sample [s]; where the clock was set back it goes on (run_clock.py).
+        time_s: since the first sample [s]; where the clock was set it goes on (run_clock.py).
         displacement_mm: measured displacement [mm]; NaN where a sample has none.
         force_n: measured force [N]; NaN where a sample has none.
         estimates: records of hc_msgs/HuntCrossleyEstimate without header, (samples,).
@@ -63,6 +66,7 @@ class RunData:
         settings: of the estimator, by name.
         versions: of the software, by name.
         findings: what is unusual about the recording, a line each.
+        begins_ns: when it begins, since 1970 [ns]; None where its times do not say.
     """
 
     name: str
@@ -77,6 +81,7 @@ class RunData:
     settings: dict[str, Any] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
     findings: tuple[str, ...] = ()
+    begins_ns: int | None = None
 
     @property
     def title(self) -> str:
@@ -159,7 +164,7 @@ def recorded(recording: Recording, tip: TipSource | None = None) -> RunData | No
         raise UserError(str(error)) from error
     if not len(table):
         return None
-    rows = _places_of(stamps(table), table["sequence"], recording.stamps, recording.sequence)
+    rows = places_of(stamps(table), table["sequence"], recording.stamps, recording.sequence)
     table, rows = table[rows >= 0], rows[rows >= 0]
     if not len(table):
         return None
@@ -188,7 +193,8 @@ def recorded(recording: Recording, tip: TipSource | None = None) -> RunData | No
             settings=settings,
             versions=versions,
             **beside,
-        )
+        ),
+        recording,
     )
 
 
@@ -248,13 +254,18 @@ def of_series(
             settings={"contact_model": estimator.contact_model, **estimator.configuration},
             versions={"this software": __version__},
             **beside,
-        )
+        ),
+        recording,
     )
 
 
-def _in_one_clock(data: RunData) -> RunData:
-    """Return a run whose times go on where the recording's clock was set back, and say so."""
-    clock = RunClock.of(data.time_s)
+def _in_one_clock(data: RunData, recording: Recording) -> RunData:
+    """Return a run whose times go on where the recording's clock was set, and say so."""
+    forward_s = [(stamp - int(recording.stamps[0])) * 1e-9 for stamp in recording.set_forward_ns]
+    clock = RunClock.of(data.time_s, forward_s)
+    begins_ns = int(recording.stamps[0])
+    if begins_ns > _EARLIEST_NS:
+        data = dataclasses.replace(data, begins_ns=begins_ns)
     if clock.is_one:
         return data
     events, tip = data.events, data.tip
@@ -317,30 +328,6 @@ def _filled(table: NDArray[Any]) -> NDArray[Any]:
     return filled
 
 
-def _places_of(
-    wanted_ns: NDArray[Any], wanted: NDArray[Any], stamps_ns: NDArray[Any], numbers: NDArray[Any]
-) -> NDArray[np.intp]:
-    """Return where the samples of these stamps and numbers are, -1 where there is none.
-
-    The number alone names no sample: a source that is started again counts anew.
-
-    Args:
-        wanted_ns: stamps that are looked for, shape (n,).
-        wanted: their sequence numbers, shape (n,).
-        stamps_ns: those among which they are looked for, shape (m,).
-        numbers: their sequence numbers, shape (m,).
-    """
-    pairs = (stamps_ns, wanted_ns), [one.astype(np.uint64) for one in (numbers, wanted)]
-    times, counts = (np.unique(np.concatenate(pair), return_inverse=True)[1] for pair in pairs)
-    keys = times.astype(np.int64) * (int(counts.max(initial=0)) + 1) + counts
-    there, looked_for = keys[: len(numbers)], keys[len(numbers) :]
-    if not len(there):
-        return np.full(len(wanted), -1, np.intp)
-    order = np.argsort(there, kind="stable")
-    place = np.maximum(np.searchsorted(there[order], looked_for, side="right") - 1, 0)
-    return np.where(there[order][place] == looked_for, order[place], -1)
-
-
 def _beside(
     bag: Bag,
     recording: Recording,
@@ -380,7 +367,7 @@ def _truth(bag: Bag, stamps_ns: NDArray[Any], sequence: NDArray[Any]) -> Array |
         return None
     fields = {"sequence": INTEGER, **dict.fromkeys(PARAMETER_NAMES, REAL)}
     table = records(bag.topics[topic].definition, bag.columns(topic), fields)
-    at = _places_of(stamps_ns, sequence, stamps(table), table["sequence"])
+    at = places_of(stamps_ns, sequence, stamps(table), table["sequence"])
     found = at >= 0
     if not found.any():
         return None

@@ -36,6 +36,7 @@ class RunState:
             NaN before it has.
         samples: how many samples the source says that it has published; None if it did not say.
         messages: how many messages the source says that it has published; None if it did not say.
+        revived: how each node ended that was started again, a line each.
         problems: what nodes call an error in their diagnostics now, by name.
         failures: what makes the run a failure although it went on to its end.
         diagnostics: what each node said last of itself, by name.
@@ -60,6 +61,7 @@ class RunState:
     samples: int | None = None
     messages: int | None = None
     respawns: int = 0
+    revived: list[str] = field(default_factory=list)
     problems: dict[str, str] = field(default_factory=dict)
     failures: list[str] = field(default_factory=list)
     diagnostics: dict[str, dict[str, str]] = field(default_factory=dict)

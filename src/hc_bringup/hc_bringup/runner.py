@@ -247,6 +247,9 @@ class Runner:
             # Status 2 is that of a node that cannot start with what it was given: it never will.
             if process.plan.respawn and status not in (0, WRONG_USE):
                 state.respawns += 1
+                state.revived.append(
+                    f"{process.name} {describe_exit(status)}, and is started again"
+                )
                 process.respawn()
                 continue
             output = process.tail()

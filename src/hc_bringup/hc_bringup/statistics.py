@@ -34,6 +34,10 @@ _STAMP_FIELDS: Final = {"header.stamp.sec": "stamp_sec", "header.stamp.nanosec":
 _RECENT = 1000
 LONGEST_COUNTED_GAP = 1_000_000
 """A jump of the sequence beyond this is no loss: somebody counts otherwise, or not at all."""
+AHEAD_S: Final = 0.01
+"""A stamp further ahead is of another clock."""
+NO_LATENCY_S: Final = 1e3
+"""What is so old does not come late: its stamps are of a simulation, a recording, another clock."""
 _MOST_JUMPS = 0.01
 """Share of the estimates; where more of them jump, the sequence is no counter."""
 
@@ -74,7 +78,10 @@ class EstimateStatistics:
         lost: samples whose sequence number was skipped.
         restarts: how often the sequence numbers started again (a replay that loops), or jumped.
         since_restart: how many estimates arrived since then.
-        latency: seconds from a sample's stamp to the publication of its estimate.
+        latency: seconds from a sample's stamp to the publication of its estimate, of samples that
+            are stamped by this computer's clock.
+        foreign_stamps: samples stamped by another clock: further ahead than clocks differ that are
+            set by one another, or so old that they cannot have been on their way.
         changes: how often a change of the tissue was detected.
         mismatch: in how many estimates the contact law did not describe the data.
         rejected: samples not used, by reason.
@@ -88,6 +95,7 @@ class EstimateStatistics:
     restarts: int = 0
     since_restart: int = 0
     latency: DurationHistogram = field(default_factory=DurationHistogram)
+    foreign_stamps: int = 0
     changes: int = 0
     mismatch: int = 0
     rejected: Counter[str] = field(default_factory=Counter)
@@ -125,7 +133,10 @@ class EstimateStatistics:
         self.latest = message
         if not math.isnan(message.force_measured):
             self.force_n = message.force_measured
-        self.latency.add_s(message.latency)
+        if -AHEAD_S <= message.latency < NO_LATENCY_S:
+            self.latency.add_s(message.latency)
+        else:
+            self.foreign_stamps += 1
         if message.rejected:
             self.rejected[REJECTION_NAMES.get(message.rejected, str(message.rejected))] += 1
             return

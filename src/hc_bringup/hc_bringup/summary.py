@@ -28,8 +28,6 @@ _WARNED = {check.value for check in Check} - _UNUSABLE.keys() - {Check.CLOCK.val
 """Those whose failure is a warning as long as the law fits all the same."""
 OPEN_DELAY_S = 0.005
 """Deviation beyond which it cannot be said that there is no delay: B would be wrong by much."""
-NO_LATENCY_US = 1e9
-"""What is so old does not come late: its stamps are of a simulation, or of a recording."""
 AT_LIMIT = 1e-3
 """Share of a limit within which an exponent stands at it."""
 MISFIT_SHARE = 0.5
@@ -121,6 +119,7 @@ def run_summary(
             "p99": 1e6 * latency.quantile_s(0.99),
             "max": 1e6 * latency.maximum_s if latency.count else math.nan,
         }
+        summary["foreign_stamps"] = statistics.foreign_stamps
     return summary
 
 
@@ -307,17 +306,22 @@ def _estimator_lines(summary: dict[str, Any]) -> list[str]:
         reason = f": {summary['silent_reason']}" if summary["silent_reason"] else ""
         lines.append(f"silent at the end, for {summary['silent_s']:.1f} s{reason}")
     if "latency_us" in summary and summary["estimates"]:
-        latency = summary["latency_us"]
-        lines.append(
-            f"stamp to estimate: p50 {latency['p50']:.0f} us, p99 {latency['p99']:.0f} us, "
-            f"max {latency['max']:.0f} us"
-            if latency["p50"] < NO_LATENCY_US
-            else "stamp to estimate: the stamps are of another clock"
-        )
+        lines.append(_latency_line(summary["latency_us"], summary["foreign_stamps"]))
     lines += [f"what cannot be right: {s}" for s in summary["suspicions"].values()]
     if summary["suspicions"]:
         lines.append(f"what each means and what to do: {MEANINGS}; hc doctor BAG, or live")
     return lines
+
+
+def _latency_line(latency_us: dict[str, float], foreign_stamps: int) -> str:
+    """Return how late the estimates came, as far as the stamps are of this computer's clock."""
+    if math.isnan(latency_us["p50"]):
+        return "stamp to estimate: the stamps are of another clock"
+    figures = ", ".join(f"{name} {value:.0f} us" for name, value in latency_us.items())
+    if not foreign_stamps:
+        return f"stamp to estimate: {figures}"
+    without = counted(foreign_stamps, "sample")
+    return f"stamp to estimate: {figures}, without {without} stamped by another clock"
 
 
 def _parameter_lines(summary: dict[str, Any]) -> list[str]:

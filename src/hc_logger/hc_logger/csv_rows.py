@@ -37,6 +37,8 @@ from hc_logger.errors import BagError
 BLOCK_ROWS: Final = 65536
 _QUANTITIES: Final = 3
 _SHOWN: Final = 40
+_REMARKS: Final = "remarks"
+"""Lines that begin with #, as a person or a logger writes them between the rows."""
 
 
 class _Interruption:
@@ -46,7 +48,7 @@ class _Interruption:
         self.line = line  # the first one
         self.cell = cell  # that stands where a time should
         self.last_line = line
-        self.header = ""  # "same" or "other" if a line of names is among them
+        self.kind = ""  # "same" or "other" if a line of names is among them, or all are _REMARKS
         self.resumes = 0  # line of the first row behind it
         self.rows = 0  # behind it
 
@@ -77,6 +79,7 @@ class RowReader:
         self._rewriter = LineRewriter(layout)
         self._interruption: _Interruption | None = None
         self._repeated: list[int] = []  # lines of headers that came again
+        self._remarks: list[int] = []  # the first lines of remarks between rows
         self._has_ended = False
         self._is_open = layout.decimal_is_open
 
@@ -304,16 +307,21 @@ class RowReader:
     def _interrupt(self, where: int, cells: list[str]) -> None:
         """Note a line that is no row."""
         shown = next((cell.strip() for cell in cells if cell.strip()), "")
-        if self._interruption is None:
-            self._interruption = _Interruption(where, shown)
         found = self._interruption
+        is_first = found is None
+        if found is None:
+            found = self._interruption = _Interruption(where, shown)
         found.last_line = where
-        if not found.rows or not found.header:
-            cells = row_of_header(cells)
-            if tuple(cells) == self._layout.header:
-                found.header = "same"
-            elif names_quantities(cells):
-                found.header = "other"
+        if not found.rows or found.kind in ("", _REMARKS):
+            names = row_of_header(cells)
+            if tuple(names) == self._layout.header:
+                found.kind = "same"
+            elif names_quantities(names):
+                found.kind = "other"
+            elif not shown.startswith("#"):
+                found.kind = "" if found.kind == _REMARKS else found.kind
+            elif is_first:
+                found.kind = _REMARKS
 
     def _goes_on(self, where: int, time: float) -> bool:
         """Whether a row belongs to the table: none is behind a line that is no row.
@@ -325,8 +333,9 @@ class RowReader:
         if found is None:
             return True
         layout = self._layout
-        if found.header == "same" and not found.rows and not layout.rate_hz and time >= self._time:
-            self._repeated.append(found.line)
+        goes_on = not found.rows and (layout.rate_hz or time >= self._time)
+        if goes_on and (found.kind == _REMARKS or (found.kind == "same" and not layout.rate_hz)):
+            (self._repeated if found.kind == "same" else self._remarks).append(found.line)
             self._interruption = None
             return True
         found.resumes = found.resumes or where
@@ -334,7 +343,7 @@ class RowReader:
         found.rows += 1
         if found.rows <= LARGEST_SUMMARY:
             return False
-        if not found.header:
+        if found.kind in ("", _REMARKS):
             raise self._no_row(found)
         if not layout.is_chosen:
             raise BagError(
@@ -354,6 +363,10 @@ class RowReader:
                 f"the header comes again{times} within the rows (line {self._repeated[0]}): "
                 "passed over"
             )
+        if self._remarks:
+            times = f" {len(self._remarks)} times" if len(self._remarks) > 1 else ""
+            where = self._remarks[0]
+            self.notes.append(f"remarks stand{times} within the rows (line {where}): passed over")
         self.notes += self._rewriter.notes()
         found = self._interruption
         if found is not None and not self._count:

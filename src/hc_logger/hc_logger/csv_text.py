@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import csv
 import io
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
@@ -21,6 +22,9 @@ _LATIN_SHARE: Final = 0.9
 """Of the characters of a table in UTF-16: as many are digits, separators and plain letters."""
 LONGEST_LINE: Final = 1024 * 1024
 """Characters; a file without line ends would have to be kept in memory as a whole."""
+_ZEROS: Final = re.compile(rb"\0+")
+_LOST_BYTES: Final = 8
+"""So many zeros in a row are no text of whatever encoding: a file system lost what stood there."""
 _BYTE_ORDER_MARKS: Final = (
     (codecs.BOM_UTF8, "utf-8-sig"),
     (codecs.BOM_UTF32_LE, "utf-32"),  # before UTF-16, whose mark it begins with
@@ -68,6 +72,13 @@ def _with_zeros(path: Path, start: bytes) -> str:
         raise BagError(
             f"{path} ends in zero bytes from line {line} on, as after a crash of what wrote it: "
             "cut them off"
+        )
+    lost = [len(run) for run in _ZEROS.findall(text)]
+    if min(lost) >= _LOST_BYTES:
+        line = text.count(b"\n", 0, text.index(b"\0")) + 1
+        raise BagError(
+            f"{path} has {sum(lost)} zero bytes within its rows (line {line}), as after a crash of "
+            "what wrote it: cut them out, and what is left of the line"
         )
     other = what_begins_with(start, path.suffix.lower())
     in_utf_16 = "is not a text file; if it is one in UTF-16, say so: --encoding utf-16-le"

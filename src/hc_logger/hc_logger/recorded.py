@@ -45,6 +45,8 @@ _PARAMETER_FIELDS = (
     "string_array_value",
 )
 """Field of rcl_interfaces/ParameterValue by its type number."""
+_RESTART_ROWS = 50
+"""The filters' default of clock_restart_samples."""
 _PARAMETERS = ("stiffness", "damping", "displacement_exponent", "velocity_exponent")
 _ESTIMATE_FIELDS = {
     "sequence": INTEGER,
@@ -82,7 +84,8 @@ class Findings(NamedTuple):
         force_alone: rows with a force and NaN for the displacement.
         displacement_alone: rows with a displacement and NaN for the force.
         repeated: rows with a reading of a channel that has one at the same time before.
-        backward: rows with a time before that of the row before.
+        backward: rows with a time before that of the row before, without those of `set_back`.
+        set_back: how often the clock was set back: what follows goes on from there.
         problems: what of a bag could not be read, one line each.
         being_recorded: how much was read of a bag that somebody writes, one line for each file.
         notes: what else one should know, one line each.
@@ -98,6 +101,7 @@ class Findings(NamedTuple):
     displacement_alone: int = 0
     counted_once: tuple[str, ...] = ()
     being_recorded: tuple[str, ...] = ()
+    set_back: int = 0
 
     def lines(self) -> list[str]:
         """Return one line for each finding, none for a clean recording."""
@@ -120,7 +124,13 @@ class Findings(NamedTuple):
             if count
         ]
         one = [f"{', '.join(alone)}: each reading is used at its own stamp"] if alone else []
-        return [*counted, *one, *self.problems, *self.being_recorded, *self.notes]
+        often = f" {self.set_back} times" if self.set_back > 1 else ""
+        clock = [
+            f"the clock was set back{often} (a driver that was started again, or a clock that was "
+            "put right): the estimator begins anew there"
+        ]
+        rows = [*counted, *clock[: self.set_back], *one]
+        return [*rows, *self.problems, *self.being_recorded, *self.notes]
 
 
 @dataclass(frozen=True)
@@ -142,6 +152,8 @@ class Recording:
         namespace: that the samples' topic is in, as /left; empty for that of one arm.
         found_zeros: position.zero [mm] and force.zero [N] that were looked for in this recording
             and are taken off; empty where none were.
+        set_forward_ns: stamps of samples of a bag before which the clock was set forward: they lie
+            further behind the one before than the two came one after the other.
     """
 
     path: Path
@@ -155,6 +167,7 @@ class Recording:
     contact_position_std_mm: float = 0.0
     namespace: str = ""
     found_zeros: dict[str, float] = field(default_factory=dict)
+    set_forward_ns: tuple[int, ...] = ()
 
     @cached_property
     def estimates(self) -> NDArray[Any]:
@@ -315,14 +328,29 @@ def findings_of(
     filled = rows.copy()
     filled[:, -2:][missing] = 0.0
     usable = np.isfinite(filled).all(axis=1) & ~missing.all(axis=1)
+    set_back = _times_set_back(steps)
     return Findings(
         int(np.count_nonzero(~usable)),
         _repeated(missing, steps),
-        int(np.count_nonzero(steps < 0)),
+        int(np.count_nonzero(steps < 0)) - set_back,
         problems,
         force_alone=int(np.count_nonzero(usable & missing[:, 0])),
         displacement_alone=int(np.count_nonzero(usable & missing[:, 1])),
+        set_back=set_back,
     )
+
+
+def _times_set_back(steps: NDArray[Any]) -> int:
+    """Count the steps back after which so many rows go on from there that an estimator does, too.
+
+    Args:
+        steps: (n - 1,) steps of time from row to row.
+    """
+    unordered = np.concatenate(([0], np.cumsum(~(steps >= 0))))
+    back = np.flatnonzero(steps < 0)
+    back = back[back + _RESTART_ROWS <= len(steps)]
+    back = back[unordered[back + _RESTART_ROWS] == unordered[back + 1]]
+    return sum(bool(steps[row : row + _RESTART_ROWS].sum() < 0) for row in back.tolist())
 
 
 def _repeated(missing: NDArray[np.bool_], steps: NDArray[Any]) -> int:

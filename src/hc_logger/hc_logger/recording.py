@@ -7,6 +7,7 @@ one by one, and whoever reads the recording should know how many there are.
 from __future__ import annotations
 
 import os
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from hc_logger.csv_file import CsvReader
 from hc_logger.csv_open import TEXT_SUFFIXES, is_text
 from hc_logger.csv_options import CsvOptions
 from hc_logger.errors import BagError
+from hc_logger.estimate_arrays import log_times
 from hc_logger.foreign import open_bag
 from hc_logger.layout import INTEGER, REAL, records, stamps
 from hc_logger.limits import check_in_memory
@@ -34,6 +36,8 @@ __all__ = ["Recording", "read_recording", "stamps_from_seconds"]
 
 SAMPLE_FIELDS = {"sequence": INTEGER, "displacement": REAL, "force": REAL}
 """Of hc_msgs/IndenterSample."""
+SET_FORWARD_NS = 10_000_000_000
+"""By so much a recorder that stood still takes no two messages closer together than they were."""
 _FARTHEST_S = 2.0**62 / NANOSECONDS
 
 
@@ -97,6 +101,7 @@ def _steps(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _read_bag(path: Path, topic: str, namespace: str) -> Recording:
+    set_forward: tuple[int, ...] = ()
     with open_bag(path, namespace) as reader:
         name = full_name(topic) if topic else sample_topic(reader)
         if name is None and has_sensors(reader):
@@ -114,11 +119,14 @@ def _read_bag(path: Path, topic: str, namespace: str) -> Recording:
             table = all_samples(reader, name)
             stamp = table[STAMP].copy()
         else:
-            table = records(definition, reader.columns(name), SAMPLE_FIELDS)
+            columns = reader.columns(name)
+            table = records(definition, columns, SAMPLE_FIELDS)
             stamp = stamps(table)
+            set_forward = _set_forward(stamp, log_times(columns))
         if not len(table):
             raise BagError(f"{path}: no sample on {name}{_because(reader)}")
         problems, growing = tuple(reader.damage), tuple(reader.being_recorded)
+        notes = () if topic or namespace else _others(reader, name)
     time_s = (stamp - stamp[0]) * 1e-9
     displacement_mm = table[DISPLACEMENT] * METRE_IN_MM
     rows = np.column_stack([displacement_mm, table[FORCE]])
@@ -130,8 +138,42 @@ def _read_bag(path: Path, topic: str, namespace: str) -> Recording:
         table[SEQUENCE].copy(),
         displacement_mm,
         table[FORCE].copy(),
-        findings_of(rows, np.diff(stamp), problems)._replace(being_recorded=growing),
+        findings_of(rows, np.diff(stamp), problems)._replace(being_recorded=growing, notes=notes),
         namespace=_namespace_of(name),
+        set_forward_ns=set_forward,
+    )
+
+
+def _set_forward(stamp: NDArray[np.int64], received: NDArray[np.int64]) -> tuple[int, ...]:
+    """Return the stamps before which the clock of a bag's samples was set forward [ns].
+
+    Args:
+        stamp: of each sample [ns], shape (n,).
+        received: when it came [ns], shape (n,).
+    """
+    if not len(stamp):
+        return ()
+    ahead = np.diff(stamp) - np.diff(received)
+    jumps = (ahead > SET_FORWARD_NS) & (ahead > 0.5 * np.diff(stamp))
+    return tuple(stamp[1:][jumps].tolist())
+
+
+def _others(bag: Bag, read: str) -> tuple[str, ...]:
+    """Say which samples of a bag are not read, those of a second estimator or arm: a line each."""
+    types = (SAMPLE_TYPE, SAMPLES_TYPE)
+    others = [t.name for t in bag.topics.values() if t.definition.name in types and t.name != read]
+    usual = (full_name(SAMPLE), full_name(SAMPLES))
+    spaces = {
+        name.removesuffix(end): name
+        for name in others
+        for end in usual
+        if name.endswith(end) and name not in usual
+    }
+    return tuple(
+        f"read is {read}, and not {name} (hc bag filter {shlex.quote(str(bag.path))} NEW --topics "
+        f"{shlex.quote(f'{space}/*')} makes a bag of that)"
+        for space, name in sorted(spaces.items())
+        if space != _namespace_of(read)
     )
 
 

@@ -32,10 +32,10 @@ def map_of(
     return cells
 
 
-def publish_contact(live: Any, parameters: list[float], peak_depth: float) -> None:
-    """The first contact has ended, with K, B, n, p and its largest depth [mm]."""
-    contact = {
-        "number": 1,
+def contact_of(parameters: list[float], peak_depth: float, number: int = 1) -> dict[str, Any]:
+    """A contact that has ended, with K, B, n, p and its largest depth [mm]."""
+    return {
+        "number": number,
         "start": 0.0,
         "end": 1.0,
         "parameters": parameters,
@@ -43,7 +43,11 @@ def publish_contact(live: Any, parameters: list[float], peak_depth: float) -> No
         "stiffness_exponent_covariance": 0.0,
         "peak_depth": peak_depth,
     }
-    live.server.publish_text("contacts", {"items": [contact]})
+
+
+def publish_contact(live: Any, parameters: list[float], peak_depth: float) -> None:
+    """The first contact has ended."""
+    live.server.publish_text("contacts", {"items": [contact_of(parameters, peak_depth)]})
 
 
 def test_the_lump_is_found_and_said(page: Any, live: Any, make_estimates: Make) -> None:
@@ -191,3 +195,28 @@ def test_tissue_that_is_the_same_everywhere_has_one_colour(
         high - low,
     )
     assert max(shades) - min(shades) < 0.02
+
+
+def test_what_changed_with_the_time_is_no_hard_spot(
+    page: Any, live: Any, make_estimates: Make
+) -> None:
+    """Regression: tissue that became stiffer at one place was "hard spot: 2.0 ± 0.1 times".
+
+    No position was known, so that nobody knows whether it is another place.
+    """
+    live.feed(make_estimates(500))
+    live.open(tip=False)
+    stiffness = [0.3] * 5 + [0.6] * 5
+    contacts = [contact_of([k, 0.01, 1.5, 1.0], 4.0, i + 1) for i, k in enumerate(stiffness)]
+    live.server.publish_text("contacts", {"items": contacts})
+    page.wait_for("HC.app.map && HC.app.map.kind === 'contacts' && HC.app.map.lump")
+    named = page.run(
+        """const { plot } = HC.app.map.chart, seen = [];
+        const write = plot.ctx.fillText;
+        plot.ctx.fillText = (text, ...rest) => { seen.push(text); };
+        HC.app.map.draw(plot);
+        delete plot.ctx.fillText;
+        return [seen, HC.app.map.lump.x];"""
+    )
+    assert named[0] == [f"contact {named[1]}: 2.0 ± 0.2 times as stiff"]
+    assert page.complaints() == []

@@ -33,6 +33,13 @@ def test_words_for_a_good_run(make_run: MakeRun) -> None:
     assert any(text.startswith("The true K lies within 3") for text in words)
 
 
+def test_the_stiffness_of_tissue_that_changed_is_that_after_it(make_run: MakeRun) -> None:
+    """Regression: of ten minutes, half of them at half the stiffness, "the tissue takes 1.98 N"."""
+    data = make_run(seconds=3.0)
+    data.estimates["change_detected"][len(data.time_s) // 2] = 1
+    assert said(data)[0].startswith("At rest the tissue, after it changed last, takes ")
+
+
 def test_words_for_several_places_where_the_law_does_not_fit(make_run: MakeRun) -> None:
     """Regression: relaxing tissue was named, and nobody said that the surfaces may differ."""
     steps = np.arange(0.0, 8.0, 0.01)

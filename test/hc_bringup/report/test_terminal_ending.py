@@ -82,6 +82,7 @@ def test_an_answer_that_is_not_known_is_not_given(std: float, known: bool) -> No
         time_s=np.array([0.0, 0.5, 2.0]),
         contact=np.ones(3, bool),
         used=np.ones(3, bool),
+        change_detected=np.zeros(3, bool),
         parameters=np.tile([0.5, 0.02, 1.5, 1.0], (3, 1)),
         covariance=covariance,
         force_n=np.ones(3),

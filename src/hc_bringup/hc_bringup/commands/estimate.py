@@ -130,6 +130,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _verify(arguments: argparse.Namespace) -> int:
     """Compare recorded with recomputed estimates; status 1 if one differs or none compares."""
+    import sys
+
     from hc_bringup.summary import to_json
     from hc_logger.errors import BagError
     from hc_logger.verify import verify
@@ -152,10 +154,12 @@ def _verify(arguments: argparse.Namespace) -> int:
             "compared": report.compared,
             "different": report.different,
             "not_comparable": report.not_comparable,
-            "notes": report.notes,
+            "notes": [*report.notes, *recording.findings.notes],
         }
         print(to_json(summary))
     else:
+        for note in recording.findings.notes:
+            print(f"{name_of(arguments)}: {note}", file=sys.stderr)
         print("\n".join(report.lines()))
     return 0 if report.equal else FAILURE
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import shlex
 from collections.abc import Sequence
+from datetime import datetime, timezone
 from typing import Any, Final
 
 import numpy as np
@@ -21,7 +22,7 @@ from hc_bringup.report.verdict import Sentence, settled, verdict
 from hc_bringup.run_data import RunData
 from hc_bringup.terminal.numbers import decimals_of, engineering, fixed, with_spread
 from hc_evaluation.channels import ChannelDiagnosis, diagnose_channels, evenly_spaced, unbroken
-from hc_msgs_py.units import METRE_IN_MM
+from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
 
 MOST_CONTACT_ROWS: Final = 200
 UNEXPLAINED: Final = 2.0
@@ -202,6 +203,11 @@ def _parameter_table(data: RunData) -> str:
     return table(head, rows, "numbers")
 
 
+def begins_at(begins_ns: int) -> str:
+    """Return a time since 1970 [ns] as date and time of day, by UTC: no recording has a zone."""
+    return f"{datetime.fromtimestamp(begins_ns // NANOSECONDS, timezone.utc):%Y-%m-%d %H:%M:%S} UTC"
+
+
 def _figure_table(data: RunData) -> str:
     chosen = settled(data)
     error = (data.force_n - data.force_predicted_n)[chosen]
@@ -215,6 +221,7 @@ def _figure_table(data: RunData) -> str:
     touching = data.contact & data.used
     mismatch = np.mean(data.model_mismatch[touching]) if touching.any() else 0.0
     rows = [
+        *([["begins", begins_at(data.begins_ns)]] if data.begins_ns is not None else []),
         ["samples", str(len(data.time_s))],
         ["length", f"{data.time_s[-1] - data.time_s[0]:.2f} s"],
         ["in contact", f"{100 * np.mean(data.contact):.0f} %"],

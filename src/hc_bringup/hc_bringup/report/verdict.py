@@ -133,7 +133,8 @@ def _parameters_found(data: RunData, *, scanned: bool) -> list[Sentence]:
     spread = 2.0 * force * float(np.sqrt(variance))
     error = (data.force_n - data.force_predicted_n)[settled(data)]
     rms = float(np.sqrt(np.nanmean(error**2))) if np.isfinite(error).any() else np.nan
-    where = ", where it was felt last," if scanned else ""
+    where = ", after it changed last," if data.change_detected.any() else ""
+    where = ", where it was felt last," if scanned else where
     takes = f"takes {with_spread(force, spread)} N for {DEPTH_MM:g} mm of depth"
     text = f"At rest the tissue{where} {takes}"
     if np.isfinite(rms):

@@ -12,6 +12,7 @@ from hc_estimator.ros.channel import Channel
 from hc_estimator.ros.inputs import Input, why_unmatched
 from hc_estimator.stream.readings import NO_NUMBERS, SUSPECT, Suspicion
 from hc_estimator.stream.session import EstimationSession
+from hc_estimator.stream.vocabulary import STARTED_AFRESH
 from hc_msgs_py.diagnostics import Level, Status
 from hc_msgs_py.histogram import DurationHistogram
 
@@ -205,7 +206,7 @@ class StatusReporter:
             problems.append(f"{start}: {'; '.join(reasons)}" if reasons else start)
             return level, "; ".join(problems)
         if since["time_jumps"]:
-            problems.append(f"{session.last_jump}: the estimator was started afresh")
+            problems.append(f"{session.last_jump}: {STARTED_AFRESH}")
         problems += session.watch.alarms
         problems += [suspicion.sentence for suspicion in suspicions]
         if not session.guard.counted:

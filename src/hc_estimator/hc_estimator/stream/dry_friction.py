@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator.stream.fading_memory import FadingMemory
-from hc_estimator.stream.readings import FloatArray
+from hc_estimator.stream.readings import BEYOND_ANY_SENSOR, FloatArray
 from hc_msgs_py.specification import setting
 
 DRY_FRICTION = setting(
@@ -47,10 +47,17 @@ TAKEN_OFF_ALREADY = f"{DRY_FRICTION.name}.taken_off"
 """In a configuration: of samples that are recorded less it."""
 PLAY = 1.5
 """Deviations of the position's noise, by which a tool that slides may seem to go back."""
+SHORTEST = 5.0
+"""Deviations of the position's noise, below which no presliding counts: a tool at rest would seem
+to slide to and fro."""
 NOISE_WEIGHT = 0.02
 """Of a reading, in the mean by which the noise is known."""
+MOST_NOISES = 10.0
+"""Times the noise, as which a jump counts."""
 THIRD_DIFFERENCES = 3.568
 """Their mean size for white noise of deviation 1: sqrt(20) sqrt(2 / pi)."""
+SLIDES_SHARE = 0.1
+"""Of presliding: who goes less far slides no further."""
 AHEAD_NS = 30_000_000
 """From so long before a turn on that is foreseen, readings are left out."""
 TURN_NS = 500_000_000
@@ -68,7 +75,8 @@ class DryFriction:
     def __init__(self, newtons: float = 0.0, presliding_mm: float = 0.02) -> None:
         self.newtons, self.presliding_mm = newtons, presliding_mm
         self._strain = 0.0  # -1 on the way out, 1 on the way in
-        self._slid_ns: int | None = None  # when it slid last
+        self._slid_ns: int | None = None  # when it slid last, and where
+        self._slid_mm = math.nan
         self._place_mm = self._middle_mm = math.nan  # without noise; where friction would be none
         self._last_mm = (math.nan, math.nan, math.nan)
         self._noise_mm = 0.0
@@ -91,7 +99,7 @@ class DryFriction:
         """
         if self.newtons == 0.0:
             return 0.0
-        if math.isfinite(displacement_mm):
+        if abs(displacement_mm) < BEYOND_ANY_SENSOR:  # which NaN is not
             self._motion.take(stamp_ns, displacement_mm)
             self._go(stamp_ns, displacement_mm)
         slides = abs(self._strain) == 1.0 and self._goes_on(stamp_ns)
@@ -114,16 +122,21 @@ class DryFriction:
         third = abs(displacement_mm - 3.0 * last + 3.0 * before - first) / THIRD_DIFFERENCES
         if math.isfinite(third):
             known = self._noise_mm
-            self._noise_mm = third if known == 0.0 else known + NOISE_WEIGHT * (third - known)
+            third = min(third, MOST_NOISES * known) if known else third
+            self._noise_mm = known + NOISE_WEIGHT * (third - known) if known else third
         if math.isnan(self._place_mm):
             self._place_mm = self._middle_mm = displacement_mm
         play = PLAY * self._noise_mm
         place = min(max(self._place_mm, displacement_mm - play), displacement_mm + play)
-        strain = (place - self._middle_mm) / self.presliding_mm
+        way = max(self.presliding_mm, SHORTEST * self._noise_mm)
+        strain = (place - self._middle_mm) / way
         if abs(strain) >= 1.0:
             strain = math.copysign(1.0, strain)
-            self._middle_mm = place - strain * self.presliding_mm
-            self._slid_ns = stamp_ns
+            self._middle_mm = place - strain * way
+            # What rests slides no more, though its last strain stays and the play still settles.
+            least_mm = SLIDES_SHARE * way
+            if displacement_mm != last and not abs(place - self._slid_mm) <= least_mm:
+                self._slid_ns, self._slid_mm = stamp_ns, place
         self._place_mm, self._strain = place, strain
 
     def of_many(self, stamps_ns: NDArray[np.int64], displacements_mm: FloatArray) -> FloatArray:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_estimator.stream.dry_friction import DryFriction
+from hc_estimator.stream.dry_friction import SHORTEST, DryFriction
 from hc_estimator.stream.readings import (
     Check,
     FloatArray,
@@ -30,6 +30,11 @@ LEAST_SHARE = 0.002
 ONE_PRESS_SHARE = 0.03
 """The same where the tool came and went once: the force may have drifted, or crept, meanwhile."""
 ENOUGH_TURNS = 2
+MANY, FEW_SHARE = 4, 0.5
+"""Of fewer passages friction that drifts looks like a zero that steps: they have to show so much
+of it as they are."""
+LASTING_SHARE = 0.6
+"""Of what is found in the air: so much is there still in the outer half of it."""
 CLEAR = 6.0
 """Deviations of the mean."""
 FEWEST = 10
@@ -99,13 +104,16 @@ def find_friction(depth: FloatArray, newtons: FloatArray) -> Parts[Friction | No
     yield
     if len(halves) == 0:
         return None
-    found = float(np.median(halves))
-    spread = 1.4826 * float(np.median(np.abs(halves - found)))
+    found = _both_ways(halves)
+    spread = 1.4826 * float(np.median(np.abs(halves[:, 1] - found)))
     deviation = math.hypot(1.25 * spread, noise(newtons) / math.sqrt(FEWEST))
     deviation /= math.sqrt(len(halves))
     least = LEAST_SHARE if len(halves) >= ENOUGH_TURNS else ONE_PRESS_SHARE
     if found < max(CLEAR * deviation, least * range_n):
         return None
+    outer, _ = _halves(passages, depth, newtons, near, 0.5 * (near + far))
+    if len(outer) and _both_ways(outer) < LASTING_SHARE * found:
+        return None  # what a slow sensor still shows of the tissue ceases on the way
     return Friction(found, deviation, float(np.median(middles)), end)
 
 
@@ -143,7 +151,9 @@ def find_presliding(
     reach = friction.surface_mm - float(np.min(depth))
     left = force_n[in_air] - friction.zero_n
     stamps_ns = np.round(time_s * NANOSECONDS).astype(np.int64)
-    ways = np.geomspace(FINEST_SHARE * reach, WIDEST_SHARE * reach, TRIED)
+    widest = WIDEST_SHARE * reach
+    finest = max(FINEST_SHARE * reach, SHORTEST * noise(displacement_mm[there]))
+    ways = np.geomspace(min(finest, widest), widest, TRIED)
     rests = []
     for way_mm in ways.tolist():
         taken_off = DryFriction(friction.newtons, way_mm).of_many(stamps_ns, displacement_mm)
@@ -161,26 +171,44 @@ class _Passage(NamedTuple):
     end: int
 
 
-def directions(depth: FloatArray) -> NDArray[np.int64]:
+def _passages(depth: FloatArray, outermost_mm: float, least_mm: float) -> list[_Passage]:
+    """Return the ways in and out, of so much, that begin or end in the outermost part."""
+    lag = _lag(depth, outermost_mm, least_mm)
+    way = _directions(depth, lag)
+    starts = np.flatnonzero(np.concatenate(([True], way[1:] != way[:-1])))
+    ends = np.append(starts[1:], len(way))
+    goes = way[starts]
+    rested = np.concatenate(([False], goes[:-1] == 0)), np.concatenate((goes[1:] == 0, [False]))
+    # At a rest an advance over a lag begins, and ends, a lag too far within it.
+    begins, ends = starts + lag * rested[0], ends - lag * rested[1]
+    found = []
+    for sign, begin, end in zip(goes.tolist(), begins.tolist(), ends.tolist(), strict=True):
+        places = depth[begin:end]
+        far = sign and end - begin >= FEWEST and np.ptp(places) > least_mm
+        if far and float(np.min(places)) < outermost_mm:
+            found.append(_Passage(sign, begin, end))
+    return found
+
+
+def _lag(depth: FloatArray, outermost_mm: float, least_mm: float) -> int:
+    """Return over how many samples an advance shows the way: as the tool goes, not as it rests.
+
+    It is a share of a recording, at most what the tool takes for `least_mm`.
+    """
+    lag = len(depth) // 500
+    within = (depth > outermost_mm).astype(np.int64) + (depth > outermost_mm + least_mm)
+    ends = np.flatnonzero(within != 1)
+    goes_between = within[ends[1:]] != within[ends[:-1]]
+    taken = np.diff(ends)[goes_between]
+    return max(1, min(lag, int(np.median(taken))) if len(taken) else lag)
+
+
+def _directions(depth: FloatArray, lag: int) -> NDArray[np.int64]:
     """Return 1 where the tool goes in, -1 where it goes out, 0 where its noise hides it."""
-    lag = max(1, len(depth) // 500)
     advance = np.zeros(len(depth))
     advance[lag:-lag] = depth[2 * lag :] - depth[: -2 * lag]
     least = 4.0 * noise(depth)
     return (advance > least).astype(np.int64) - (advance < -least)
-
-
-def _passages(depth: FloatArray, outermost_mm: float, least_mm: float) -> list[_Passage]:
-    """Return the ways in and out, of so much, that begin or end in the outermost part."""
-    way = directions(depth)
-    starts = np.flatnonzero(np.concatenate(([True], way[1:] != way[:-1])))
-    found = []
-    for begin, end in zip(starts.tolist(), [*starts[1:].tolist(), len(way)], strict=True):
-        places = depth[begin:end]
-        goes = way[begin] and end - begin >= FEWEST and np.ptp(places) > least_mm
-        if goes and float(np.min(places)) < outermost_mm:
-            found.append(_Passage(int(way[begin]), begin, end))
-    return found
 
 
 def _drift(
@@ -227,11 +255,15 @@ def _air(
     """
     level, off = going_out
     flat = ~(np.abs(level) > off)  # it counts from what it is at the end of the way
+    if np.isnan(level).all():
+        return None
+    flat[int(np.argmin(np.isnan(level)))] = True  # where it turns, or rests already
     end = BINS if flat.all() else int(np.argmin(flat))
-    known = level[~np.isnan(level)]
-    if not (len(known) and FLAT_BINS <= end < BINS and known[-1] > RISE_SHARE * range_n):
+    if end < FLAT_BINS:
         return None
     level, off = going_in
+    if np.isnan(level).all() or float(np.nanmax(level)) < RISE_SHARE * range_n:
+        return None  # no contact beside the air
     best = (0, 0)
     for first in range(end):
         flat = np.abs(level[first:end] - level[first]) <= off[first:end]
@@ -246,19 +278,56 @@ def _air(
 def _halves(
     passages: list[_Passage], depth: FloatArray, newtons: FloatArray, near: float, far: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return half the difference and the mean [N] of each passage and the next, which is opposite.
+    """Compare passages with those before and after them, which go the other way.
 
-    Of the same places, for what the tool weighs when it is accelerated.
+    At the same places, for what the tool weighs when it is accelerated, and with what a drift makes
+    of them in between. Of one way in and out, with each other.
+
+    Returns:
+        Direction of the passage and half the difference [N], shape (n, 2); their means [N], (n,).
     """
-    signs, forces = [], []
+    nothing = np.empty((0, 2)), np.empty(0)
+    signs, forces, at, slopes = [], [], [], []
     for passage in passages:
         rows = np.arange(passage.begin, passage.end)
         rows = rows[(depth[rows] > near) & (depth[rows] < far)]
         if len(rows) >= FEWEST:
             signs.append(float(passage.sign))
             forces.append(float(np.median(newtons[rows])))
-    sign, force = np.array(signs), np.array(forces)
+            at.append(float(np.mean(rows)))
+            away = rows - at[-1]
+            slopes.append(float(away @ newtons[rows] / (away @ away)))
+    sign, force, row = np.array(signs), np.array(forces), np.array(at)
     opposite = sign[1:] != sign[:-1]
-    # A drift, or a step of the zero, is in few of them, and half of it in either sense.
-    halves = 0.5 * (sign[1:] * force[1:] + sign[:-1] * force[:-1])
-    return halves[opposite], (0.5 * (force[1:] + force[:-1]))[opposite]
+    pairs = (0.5 * (sign[1:] * force[1:] + sign[:-1] * force[:-1]))[opposite]
+    if len(sign) == 2 and opposite[0]:
+        drifted = 0.5 * sign[1] * float(np.mean(slopes)) * (row[1] - row[0])
+        if drifted > FEW_SHARE * pairs[0]:
+            return nothing
+        return np.array([[sign[0], pairs[0]]]), np.array([np.mean(force)])
+    if len(sign) < 3:
+        return nothing
+    share = (row[1:-1] - row[:-2]) / (row[2:] - row[:-2])
+    others = force[:-2] + share * (force[2:] - force[:-2])
+    halves = np.stack([sign[1:-1], 0.5 * sign[1:-1] * (force[1:-1] - others)], axis=-1)
+    between = opposite[:-1] & opposite[1:]
+    halves, middles = halves[between], (0.5 * (force[1:-1] + others))[between]
+    if 0 < len(halves) < MANY and np.median(pairs) < FEW_SHARE * _both_ways(halves):
+        return nothing  # a step of the zero, which is in one pair alone
+    return halves, middles
+
+
+def _both_ways(halves: FloatArray) -> float:
+    """Return the middle of what the ways in and the ways out show [N].
+
+    A force that drifts other than evenly is more on the one, and less on the other: 0 if much.
+    """
+    shown = [float(np.median(half)) for half in (_of(halves, 1.0), _of(halves, -1.0)) if len(half)]
+    middle = sum(shown) / len(shown)
+    return middle if max(shown) - min(shown) <= abs(middle) else 0.0
+
+
+def _of(halves: FloatArray, sign: float) -> FloatArray:
+    """Return the half differences of the passages of one direction."""
+    chosen: FloatArray = halves[halves[:, 0] == sign, 1]
+    return chosen

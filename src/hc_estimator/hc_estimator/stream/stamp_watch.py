@@ -17,6 +17,8 @@ SINCE_START_NS: Final = 40 * 365 * 86_400 * 1_000_000_000
 """A clock without a battery begins at a date of this century: what is older counts from a start."""
 STEADY_NS: Final = 300_000_000
 """Clocks that differ do so by the same from one look to the next."""
+OTHER_CLOCK_NS: Final = 60_000_000_000
+"""By so much no age changes from one look to the next but by another clock."""
 PACE: Final = 0.05
 """Clocks of computers go equally fast but for parts in ten thousand."""
 SAME_PACE: Final = 0.02
@@ -25,10 +27,16 @@ _DIFFER: Final = "the clocks of sensor and computer differ (use PTP or chrony)"
 
 
 class StampWatch:
-    """Doubts stamps that all lie in the future, or all far in the past, or go at another pace."""
+    """Doubts stamps that all lie in the future, or all far in the past, or go at another pace.
+
+    Attributes:
+        moved: whether the stamps are of another clock since the last look that had samples.
+    """
 
     def __init__(self) -> None:
+        self.moved = False
         self._before_ns: int | None = None
+        self._known_ns: int | None = None  # the same, of the last look that had samples
         self._looked_s = 0.0
         self._pace = math.nan  # of the stamps against this computer's clock, at the last look
         self._clear()
@@ -64,8 +72,11 @@ class StampWatch:
         pace_before, self._pace = self._pace, math.nan
         elapsed_s, self._looked_s = now_s - self._looked_s, now_s
         self._clear()
+        self.moved = False
         if least_ns is None:
             return []
+        known_ns, self._known_ns = self._known_ns, least_ns
+        self.moved = known_ns is not None and abs(least_ns - known_ns) > OTHER_CLOCK_NS
         if before_ns is not None and elapsed_s > 0.0:
             self._pace = 1.0 - 1e-9 * (least_ns - before_ns) / elapsed_s
         doubted = live or most_ns < -AHEAD_NS

@@ -13,7 +13,7 @@ from array import array
 
 import numpy as np
 
-from hc_estimator.stream.readings import Parts, Readings, Suspicion, usable
+from hc_estimator.stream.readings import Check, Parts, Readings, Suspicion, usable
 from hc_estimator.stream.sanity import check_in_parts, less_gaps
 from hc_estimator.stream.stamp_watch import StampWatch
 
@@ -109,7 +109,11 @@ class SuspicionWatch:
         if self._found is not None:
             found, self._found = self._found, None
             found = less_gaps(found, self.counted_once)
-            new = self._weigh([*found, *self._stamps.take(now_s)])
+            of_stamps = self._stamps.take(now_s)
+            if self._stamps.moved:  # what is wrong with this clock was not said yet
+                self._seen = {k: n for k, n in self._seen.items() if k[0] != Check.CLOCK.value}
+                self.suspicions = [s for s in self.suspicions if s.check is not Check.CLOCK]
+            new = self._weigh([*found, *of_stamps])
         count = self._displacement.count + self._force.count
         if not self.looking and now_s >= self._next_s and count > self._looked_at:
             self._looked_at = count

@@ -15,6 +15,9 @@ from hc_estimator.stream.contacts import ContactSummary
 LOADED_STATE = "loaded_state"
 """Name in a configuration for the state that was loaded: with it the estimates can be repeated."""
 
+STARTED_AFRESH = "the estimator was started afresh"
+"""What a node says of itself where the stamps jumped."""
+
 CONTACT_POSITION_STD = "contact_position_std"
 """Setting of the filters that consider how well the surface is known [mm]."""
 

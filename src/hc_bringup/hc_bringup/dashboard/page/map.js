@@ -162,6 +162,8 @@ HC.MapPanel = class {
     const { x, y, value } = this.lump;
     const ratio = devicePixelRatio;
     let text = (this.lump.passed ? "hard spot: " : "harder to here: ") + HC.lumpFactor(this.lump);
+    // Without a position it may as well be the tissue that changed with the time.
+    if (this.kind === "contacts") text = `contact ${x}: ${HC.lumpFactor(this.lump)}`;
     const plane = this.kind === "plane";
     const [atX, atY] = [px(x), py(plane ? y : value)];
     ctx.strokeStyle = HC.palette.ink;
