@@ -8,10 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import WrenchStamped
+from hc_msgs.msg import IndenterSample
+from sensor_msgs.msg import JointState
 
 from hc_estimator import available_filters, create_estimator
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
+from hc_msgs_py.conversion import sample_from_message
 from hc_msgs_py.node_processes import Caller, end, ros_arguments
+from hc_msgs_py.qos import SAMPLE_QOS
+from hc_msgs_py.units import set_stamp
 
 TRUE_PARAMETERS = (0.2, 0.008, 1.8, 1.05)  # with which the tissue never pulls
 
@@ -252,3 +258,49 @@ def probe(domain_id):
     probe = Probe(domain_id)
     yield probe
     probe.close()
+
+
+@pytest.fixture
+def arm_and_wrist(start_process, probe):
+    """Return what runs an estimator of a joint and a wrench, and gives the samples that it made.
+
+    It takes displacements [mm] and forces [N] by their times since the beginning [ns], how many
+    samples to wait for, and settings; it returns the stamp of the beginning beside the samples.
+    """
+
+    def run(depth, force, fewest, **settings):
+        start_process(
+            filter="ekf",
+            input__source="sensors",
+            input__force__topic="wrist",
+            input__position__topic="arm",
+            input__position__type="joint",
+            **settings,
+        )
+        got = []
+        probe.node.create_subscription(
+            IndenterSample,
+            "indenter/sample",
+            lambda m: got.append(sample_from_message(m)),
+            SAMPLE_QOS,
+        )
+        forces = probe.node.create_publisher(WrenchStamped, "wrist", 1000)
+        places = probe.node.create_publisher(JointState, "arm", 1000)
+        probe.wait(
+            lambda: forces.get_subscription_count() and places.get_subscription_count(), 90.0
+        )
+        probe.wait(lambda: probe.call("ready").success, 90.0)
+        begin = time.time_ns()
+        for at in sorted({**depth, **force}):
+            if at in force:
+                message = WrenchStamped()
+                message.wrench.force.z = force[at]
+            else:
+                message = JointState(name=["tool"], position=[depth[at] / 1000.0])
+            set_stamp(message.header.stamp, begin + at)
+            (forces if at in force else places).publish(message)
+            probe.executor.spin_once(timeout_sec=0.001)
+        probe.wait(lambda: len(got) > fewest)
+        return begin, got
+
+    return run

@@ -1,19 +1,12 @@
 """Friction taken off by the node: of samples one by one and in batches, and of sensors."""
 
 import math
-import time
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import WrenchStamped
-from hc_msgs.msg import IndenterSample
-from sensor_msgs.msg import JointState
 
 from hc_estimator.ros import inputs
 from hc_estimator.stream.dry_friction import DRY_FRICTION, PRESLIDING, DryFriction
-from hc_msgs_py.conversion import sample_from_message
-from hc_msgs_py.qos import SAMPLE_QOS
-from hc_msgs_py.units import set_stamp
 
 FRICTION_N, PRESLIDING_MM = 0.4, 0.03
 LESS = {DRY_FRICTION.name: FRICTION_N, PRESLIDING.name: PRESLIDING_MM}
@@ -78,38 +71,15 @@ def test_samples_are_less_it(monkeypatch, together):
 
 
 @pytest.mark.process
-def test_forces_of_a_sensor_are_less_that_of_the_place_before_them(start_process, probe):
+def test_forces_of_a_sensor_are_less_that_of_the_place_before_them(arm_and_wrist):
     """A wrench at 200 Hz, a joint at 500 Hz; what is published is what is estimated from."""
-    start_process(
-        filter="ekf",
-        input__source="sensors",
-        input__force__topic="wrist",
-        input__position__topic="arm",
-        input__position__type="joint",
+    _begin, got = arm_and_wrist(
+        {2_000_000 * k: 3.0 + math.sin(0.05 * k) for k in range(300)},
+        {5_000_000 * k + 300_000: 10.0 for k in range(120)},
+        330,
         input__force__dry_friction=FRICTION_N,
         input__force__presliding=PRESLIDING_MM,
     )
-    got = []
-    probe.node.create_subscription(
-        IndenterSample, "indenter/sample", lambda m: got.append(sample_from_message(m)), SAMPLE_QOS
-    )
-    forces = probe.node.create_publisher(WrenchStamped, "wrist", 1000)
-    places = probe.node.create_publisher(JointState, "arm", 1000)
-    probe.wait(lambda: forces.get_subscription_count() and places.get_subscription_count(), 90.0)
-    probe.wait(lambda: probe.call("ready").success, 90.0)
-    begin = time.time_ns()
-    depth = {begin + 2_000_000 * k: 3.0 + math.sin(0.05 * k) for k in range(300)}
-    force = {begin + 5_000_000 * k + 300_000: 10.0 for k in range(120)}
-    for stamp in sorted({**depth, **force}):
-        if stamp in force:
-            message = WrenchStamped()
-            message.wrench.force.z = force[stamp]
-        else:
-            message = JointState(name=["tool"], position=[depth[stamp] / 1000.0])
-        set_stamp(message.header.stamp, stamp)
-        (forces if stamp in force else places).publish(message)
-        probe.executor.spin_once(timeout_sec=0.001)
-    probe.wait(lambda: len(got) > 330)
     friction, compared = DryFriction(FRICTION_N, PRESLIDING_MM), 0
     for sample in got:
         expected = friction.at(sample.stamp_ns, sample.displacement_mm)

@@ -11,17 +11,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import WrenchStamped
-from hc_msgs.msg import IndenterSample
-from sensor_msgs.msg import JointState
 
 from hc_estimator.ros import inputs
 from hc_estimator.ros.zeroing import Zeroing
 from hc_estimator.stream.frame_compliance import SETTING, FrameCompliance
 from hc_estimator.stream.tare import TareResult
-from hc_msgs_py.conversion import sample_from_message
-from hc_msgs_py.qos import SAMPLE_QOS
-from hc_msgs_py.units import set_stamp
 from hc_msgs_py.wire import SampleEncoder
 from hc_msgs_py.wire_arrays import SamplesEncoder
 
@@ -166,43 +160,23 @@ def test_a_tare_leaves_no_displacement_where_the_tool_rests():
 
 
 @pytest.mark.process
-def test_sensors_with_rates_of_their_own_are_less_what_the_robot_gave_way(start_process, probe):
+def test_sensors_with_rates_of_their_own_are_less_what_the_robot_gave_way(arm_and_wrist):
     """A wrench at 200 Hz, a joint at 500 Hz: each place with the last force before it."""
-    start_process(
-        filter="ekf",
-        input__source="sensors",
-        input__force__topic="wrist",
-        input__position__topic="arm",
-        input__position__type="joint",
+    depth = {2_000_000 * k + 300_000: 3.0 + math.sin(0.02 * k) for k in range(300)}
+    force = {5_000_000 * k: 10.0 + math.sin(0.05 * k) for k in range(120)}
+    begin, got = arm_and_wrist(
+        depth,
+        force,
+        300,
         input__position__frame_compliance=MM_PER_N,
         input__force__zero=ZERO_N,
     )
-    got = []
-    probe.node.create_subscription(
-        IndenterSample, "indenter/sample", lambda m: got.append(sample_from_message(m)), SAMPLE_QOS
-    )
-    forces = probe.node.create_publisher(WrenchStamped, "wrist", 1000)
-    places = probe.node.create_publisher(JointState, "arm", 1000)
-    probe.wait(lambda: forces.get_subscription_count() and places.get_subscription_count(), 90.0)
-    probe.wait(lambda: probe.call("ready").success, 90.0)
-    begin = time.time_ns()
-    depth = {begin + 2_000_000 * k + 300_000: 3.0 + math.sin(0.02 * k) for k in range(300)}
-    force = {begin + 5_000_000 * k: 10.0 + math.sin(0.05 * k) for k in range(120)}
-    for stamp in sorted({**depth, **force}):
-        if stamp in force:
-            message = WrenchStamped()
-            message.wrench.force.z = force[stamp]
-        else:
-            message = JointState(name=["tool"], position=[depth[stamp] / 1000.0])
-        set_stamp(message.header.stamp, stamp)
-        (forces if stamp in force else places).publish(message)
-        probe.executor.spin_once(timeout_sec=0.001)
-    probe.wait(lambda: len(got) > 300)
     told = [sample for sample in got if not math.isnan(sample.displacement_mm)]
     assert len(told) > 200
     for sample in told:
-        last = max(stamp for stamp in force if stamp <= sample.stamp_ns)
-        expected = depth[sample.stamp_ns] - MM_PER_N * (force[last] - ZERO_N)
+        at = sample.stamp_ns - begin
+        last = max(one for one in force if one <= at)
+        expected = depth[at] - MM_PER_N * (force[last] - ZERO_N)
         assert sample.displacement_mm == pytest.approx(expected, abs=1e-9)
 
 

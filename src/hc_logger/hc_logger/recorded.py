@@ -258,9 +258,7 @@ class Recording:
         Raises:
             BagError: if the bag has several topics of configurations.
         """
-        if not self.is_bag or not self.configurations:
-            return 0.0
-        return float(self.configurations[-1].parameters.get(TAKEN_OFF_ALREADY, 0.0))
+        return self._taken_off(TAKEN_OFF_ALREADY)
 
     @cached_property
     def dry_friction_taken_off(self) -> float:
@@ -269,9 +267,12 @@ class Recording:
         Raises:
             BagError: if the bag has several topics of configurations.
         """
+        return self._taken_off(dry_friction.TAKEN_OFF_ALREADY)
+
+    def _taken_off(self, name: str) -> float:
         if not self.is_bag or not self.configurations:
             return 0.0
-        return float(self.configurations[-1].parameters.get(dry_friction.TAKEN_OFF_ALREADY, 0.0))
+        return float(self.configurations[-1].parameters.get(name, 0.0))
 
     @cached_property
     def counted_once(self) -> tuple[str, ...]:
