@@ -51,17 +51,6 @@ def test_every_command_has_help(capsys: pytest.CaptureFixture[str], command: str
     assert f"hc {command}" in out
 
 
-def test_the_end_of_a_run_waits_for_no_library_that_it_does_without() -> None:
-    """Three seconds of imports, after Ctrl-C, for a constant and a quantile."""
-    script = (
-        "import sys\nimport hc_bringup.run_ending\n"
-        "slow = {'scipy.signal', 'scipy.stats', 'scipy.interpolate', 'scipy.optimize'}\n"
-        "slow |= {'scipy.spatial', 'sklearn', 'matplotlib'}\n"
-        "assert not slow & set(sys.modules), slow & set(sys.modules)"
-    )
-    subprocess.run([sys.executable, "-c", script], check=True)
-
-
 def test_help_needs_neither_ros_nor_numba() -> None:
     script = (
         "import sys\nfrom hc_bringup.cli import main\n"

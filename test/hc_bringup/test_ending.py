@@ -4,6 +4,7 @@ import math
 import os
 import pty
 import signal
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -218,3 +219,14 @@ def test_interrupted_while_it_compiles_it_ends_with_a_line_at_most(
     busy = f"hc {words[0]}: ended at once: it was too busy to end in order"
     lines = [line for line in errors.splitlines() if not line.startswith(heartbeat.MARK)]
     assert [line for line in lines if line != NOTICE] in ([], [busy])
+
+
+def test_the_end_of_a_run_waits_for_no_library_that_it_does_without() -> None:
+    """Three seconds of imports, after Ctrl-C, for a constant and a quantile."""
+    script = (
+        "import sys\nimport hc_bringup.run_ending\n"
+        "slow = {'scipy.signal', 'scipy.stats', 'scipy.interpolate', 'scipy.optimize'}\n"
+        "slow |= {'scipy.spatial', 'sklearn', 'matplotlib'}\n"
+        "assert not slow & set(sys.modules), slow & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", script], check=True)

@@ -172,10 +172,11 @@ def counted_once(values: Mapping[str, Any]) -> tuple[str, ...]:
         values: settings of the node, or some of them.
     """
     source = values.get("input.source")
-    if source == "sensors":
-        return channels_held_by(values)
-    friction = source != "effort" and values.get(DRY_FRICTION.name)
-    return ("force",) if friction else ()
+    if source == "effort":
+        return ()
+    if source != "sensors":  # samples are taken as they come
+        values = {DRY_FRICTION.name: values.get(DRY_FRICTION.name)}
+    return channels_held_by(values)
 
 
 def session_settings(values: Mapping[str, Any]) -> SessionSettings:

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from hc_estimator.stream.readings import FloatArray, Parts, noise, robust_range
 
-_BINS = 40
+BINS = 40
 _FLAT_BINS = 6
-_FLAT_SHARE = 0.005
+FLAT_SHARE = 0.005
 """Of the force's range: as flat as free motion is."""
 RISE_SHARE = 0.2
 """Of the force's range: from which on a force is one of contact."""
@@ -30,39 +30,61 @@ def free_motion(depth: FloatArray, newtons: FloatArray) -> Parts[tuple[float, fl
     if np.mean(down) > DOWN_SHARE:
         depth, newtons = depth[down], newtons[down]
     yield
-    low, high = robust_range(depth)
-    edges = np.linspace(low, high, _BINS + 1)
-    place = np.clip(np.searchsorted(edges, depth, "right") - 1, 0, _BINS - 1)
+    edges, place = in_bins(depth)
     yield
-    counts = np.bincount(place, minlength=_BINS)
-    medians = _medians(newtons[np.lexsort((newtons, place))], counts)
+    medians, counts = medians_of(place, newtons)
     if np.isnan(medians[:_FLAT_BINS]).any():
         return None
     yield
     least, most = robust_range(newtons)
     level = float(np.median(medians[:_FLAT_BINS]))
     errors = 1.25 * noise(newtons) / np.sqrt(np.maximum(counts, 1))  # standard errors of medians
-    allowed = np.maximum(_FLAT_SHARE * (most - least), 4.0 * errors)
+    allowed = np.maximum(FLAT_SHARE * (most - least), 4.0 * errors)
     moved = np.flatnonzero(~(np.abs(medians - level) <= allowed))
-    flat = int(moved[0]) if len(moved) else _BINS
+    flat = int(moved[0]) if len(moved) else BINS
     last = medians[~np.isnan(medians)][-1]
-    if flat < _FLAT_BINS or flat == _BINS or last - level < RISE_SHARE * (most - least):
+    if flat < _FLAT_BINS or flat == BINS or last - level < RISE_SHARE * (most - least):
         return None
     return level, float(edges[flat])
 
 
 def going_down(depth: FloatArray) -> NDArray[np.bool_]:
     """Return where the tool goes deeper, by more than its noise shows."""
-    lag = max(1, len(depth) // 500)
+    return directions(depth, max(1, len(depth) // 500)) > 0
+
+
+def directions(depth: FloatArray, lag: int) -> NDArray[np.int64]:
+    """Return 1 where the tool goes in, -1 where it goes out, 0 where its noise hides it.
+
+    Args:
+        depth: penetration [mm] in the order of time, shape (n,).
+        lag: samples before and after, between which it goes.
+    """
     advance = np.zeros(len(depth))
     advance[lag:-lag] = depth[2 * lag :] - depth[: -2 * lag]
-    return np.asarray(advance > 4.0 * noise(depth))
+    least = 4.0 * noise(depth)
+    return (advance > least).astype(np.int64) - (advance < -least)
 
 
-def _medians(ordered: FloatArray, counts: NDArray[np.int64]) -> FloatArray:
-    """Return the medians of groups that follow one another, each in order; NaN of less than 3."""
+def in_bins(depth: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Return the edges of bins of the depth [mm], shape (BINS + 1,), and in which each lies."""
+    edges = np.linspace(*robust_range(depth), BINS + 1)
+    return edges, np.clip(np.searchsorted(edges, depth, "right") - 1, 0, BINS - 1)
+
+
+def medians_of(
+    place: NDArray[np.int64], newtons: FloatArray
+) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Return the median force in each bin, NaN of less than three readings, and their number.
+
+    Args:
+        place: bin of each reading, shape (n,).
+        newtons: forces [N], shape (n,).
+    """
+    counts = np.bincount(place, minlength=BINS)
+    ordered = newtons[np.lexsort((newtons, place))]
     medians = np.full(len(counts), np.nan)
     enough = counts >= 3
     first, count = (np.cumsum(counts) - counts)[enough], counts[enough]
     medians[enough] = 0.5 * (ordered[first + (count - 1) // 2] + ordered[first + count // 2])
-    return medians
+    return medians, counts

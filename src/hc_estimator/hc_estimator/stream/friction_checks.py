@@ -15,6 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator.stream.dry_friction import SHORTEST, DryFriction
+from hc_estimator.stream.free_motion import (
+    BINS,
+    FLAT_SHARE,
+    RISE_SHARE,
+    directions,
+    in_bins,
+    medians_of,
+)
 from hc_estimator.stream.readings import (
     Check,
     FloatArray,
@@ -41,11 +49,7 @@ FEWEST = 10
 """Readings in a passage, and of those in the air."""
 TOP_SHARE = 0.1
 """Of the whole way: its outermost part, which is in the air if any is."""
-BINS, FLAT_BINS = 40, 4
-FLAT_SHARE = 0.005
-"""Of the force's range: as flat as free motion is."""
-RISE_SHARE = 0.2
-"""Of the force's range: from which on a force is one of contact."""
+FLAT_BINS = 4
 WIDEST_SHARE, FINEST_SHARE, TRIED = 0.3, 1e-3, 25
 """Of the way through the air: the presliding displacements that are tried, and how many."""
 MOST_ROWS = 40_000
@@ -82,19 +86,20 @@ def find_friction(depth: FloatArray, newtons: FloatArray) -> Parts[Friction | No
     range_n = float(np.subtract(*robust_range(newtons)[::-1]))
     least_mm = TOP_SHARE * (high - low)
     passages = _passages(depth, low + least_mm, least_mm)
+    if {passage.sign for passage in passages} != {1, -1}:
+        return None
     yield
     begun, drift_n = _drift(passages, depth, newtons, low + least_mm)
     if len(begun) == 0:
         return None
     steady = newtons - np.interp(np.arange(len(newtons)), begun, drift_n)
     yield
-    edges = np.linspace(low, high, BINS + 1)
-    place = np.clip(np.searchsorted(edges, depth, "right") - 1, 0, BINS - 1)
-    allowed_n = FLAT_SHARE * range_n
+    edges, place = in_bins(depth)
+    noise_n, allowed_n = noise(newtons), FLAT_SHARE * range_n
     ways = {}
     for sign in (1, -1):
         mine = np.concatenate([np.arange(p.begin, p.end) for p in passages if p.sign == sign])
-        ways[sign] = _levels(place[mine], steady[mine], noise(newtons), allowed_n)
+        ways[sign] = _levels(place[mine], steady[mine], noise_n, allowed_n)
         yield
     air = _air(ways[1], ways[-1], range_n)
     if air is None:
@@ -106,7 +111,7 @@ def find_friction(depth: FloatArray, newtons: FloatArray) -> Parts[Friction | No
         return None
     found = _both_ways(halves)
     spread = 1.4826 * float(np.median(np.abs(halves[:, 1] - found)))
-    deviation = math.hypot(1.25 * spread, noise(newtons) / math.sqrt(FEWEST))
+    deviation = math.hypot(1.25 * spread, noise_n / math.sqrt(FEWEST))
     deviation /= math.sqrt(len(halves))
     least = LEAST_SHARE if len(halves) >= ENOUGH_TURNS else ONE_PRESS_SHARE
     if found < max(CLEAR * deviation, least * range_n):
@@ -174,7 +179,7 @@ class _Passage(NamedTuple):
 def _passages(depth: FloatArray, outermost_mm: float, least_mm: float) -> list[_Passage]:
     """Return the ways in and out, of so much, that begin or end in the outermost part."""
     lag = _lag(depth, outermost_mm, least_mm)
-    way = _directions(depth, lag)
+    way = directions(depth, lag)
     starts = np.flatnonzero(np.concatenate(([True], way[1:] != way[:-1])))
     ends = np.append(starts[1:], len(way))
     goes = way[starts]
@@ -203,18 +208,10 @@ def _lag(depth: FloatArray, outermost_mm: float, least_mm: float) -> int:
     return max(1, min(lag, int(np.median(taken))) if len(taken) else lag)
 
 
-def _directions(depth: FloatArray, lag: int) -> NDArray[np.int64]:
-    """Return 1 where the tool goes in, -1 where it goes out, 0 where its noise hides it."""
-    advance = np.zeros(len(depth))
-    advance[lag:-lag] = depth[2 * lag :] - depth[: -2 * lag]
-    least = 4.0 * noise(depth)
-    return (advance > least).astype(np.int64) - (advance < -least)
-
-
 def _drift(
     passages: list[_Passage], depth: FloatArray, newtons: FloatArray, outermost_mm: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the samples at which the ways out end, and the force then [N]; none without both."""
+    """Return the samples at which the ways out end, and the force then [N]."""
     at, forces = [], []
     for passage in passages:
         rows = np.arange(passage.begin, passage.end)
@@ -222,22 +219,15 @@ def _drift(
         if passage.sign < 0 and len(rows) >= FEWEST // 2:
             at.append(float(np.mean(rows)))
             forces.append(float(np.median(newtons[rows])))
-    if all(p.sign < 0 for p in passages):
-        at = []
-    return np.array(at), np.array(forces[: len(at)])
+    return np.array(at), np.array(forces)
 
 
 def _levels(
     place: NDArray[np.int64], newtons: FloatArray, noise_n: float, allowed_n: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the median force in each bin of the depth, and by how much it may be off [N]."""
-    level, off = np.full(BINS, np.nan), np.full(BINS, np.nan)
-    for i in range(BINS):
-        here = newtons[place == i]
-        if len(here) >= 3:
-            level[i] = np.median(here)
-            off[i] = max(allowed_n, 5.0 * noise_n / math.sqrt(len(here)))
-    return level, off
+    level, counts = medians_of(place, newtons)
+    return level, np.maximum(allowed_n, 5.0 * noise_n / np.sqrt(np.maximum(counts, 1)))
 
 
 def _air(
