@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from hc_estimator import create_estimator
-from hc_logger import verify as verification
+from hc_estimator.stream import taken_off
+from hc_estimator.stream.frame_compliance import SETTING
+from hc_estimator.stream.taken_off import FORCE_ZERO, POSITION_ZERO
 from hc_logger.csv_file import write_csv
 from hc_logger.recording import read_recording
 from hc_logger.verify import verify
@@ -44,15 +47,13 @@ def test_a_live_run_is_recomputed_to_the_last_bit(
     from std_srvs.srv import Trigger
 
     samples(tmp_path / "samples.csv")
-    bag, nodes = play_and_record(
-        tmp_path / "samples.csv", **{verification.FRAME_COMPLIANCE: MM_PER_N}
-    )
+    bag, nodes = play_and_record(tmp_path / "samples.csv", **{SETTING.name: MM_PER_N})
     for name, value in (
         ("force_noise_std", 0.05),
-        (verification.FORCE_ZERO, 0.1),
-        (verification.FRAME_COMPLIANCE, LATER),
+        (FORCE_ZERO, 0.1),
+        (SETTING.name, LATER),
         ("", None),
-        (verification.POSITION_ZERO, 0.2),
+        (POSITION_ZERO, 0.2),
     ):
         graph.spin_until(lambda: False, timeout=0.45)
         if not name:
@@ -67,8 +68,8 @@ def test_a_live_run_is_recomputed_to_the_last_bit(
         assert node.end() == 0, node.error
 
     recording = read_recording(bag)
-    taken_off = [c.parameters[verification.FRAME_COMPLIANCE] for c in recording.configurations]
-    assert sorted(set(taken_off)) == [MM_PER_N, LATER]
+    compliances = [c.parameters[SETTING.name] for c in recording.configurations]
+    assert sorted(set(compliances)) == [MM_PER_N, LATER]
     report = verify(recording)
     assert report.differences == []
     assert report.equal
@@ -89,10 +90,5 @@ def test_a_live_run_is_recomputed_to_the_last_bit(
     np.testing.assert_array_equal(recording.estimates["stiffness"][first], series.parameters[:, 0])
 
     # And it is the compliance that makes them.
-    monkeypatch.setattr(verification, "FRAME_COMPLIANCE", "input.of_nobody")
-    monkeypatch.setattr(
-        verification,
-        "_parameters",
-        lambda c: {n: v for n, v in c.parameters.items() if not n.startswith("input.")},
-    )
+    monkeypatch.setattr(taken_off, "SETTING", SimpleNamespace(name="input.of_nobody"))
     assert verify(recording).different > 0.5 * report.compared

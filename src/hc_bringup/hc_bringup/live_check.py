@@ -25,9 +25,8 @@ from hc_bringup.treated_samples import FORCE_LIMIT
 from hc_bringup.turn_watch import TurnWatch
 from hc_bringup.turning import turning_line
 from hc_estimator.ros.node_settings import OWN_SENSORS
-from hc_estimator.stream.dry_friction import DryFriction
-from hc_estimator.stream.frame_compliance import FrameCompliance
 from hc_estimator.stream.merger import MAXIMUM_WAIT_S, TRANSPORT_S, needed_wait_s
+from hc_estimator.stream.taken_off import TakenOff
 from hc_estimator.stream.vocabulary import CHANNEL_DELAY, CONTACT_POSITION_STD
 from hc_logger.events import ReadingChange, RecordedEvent, reading_changes
 from hc_msgs_py.background import STARTING
@@ -154,15 +153,10 @@ def listen(node: str, seconds: float, request: str = "") -> Heard:
             f"judged is what came after, {len(rows)} samples",
         )
     if heard.settings.get("source") not in OWN_SENSORS:  # those come with their zeros taken off
-        zero_n = heard.settings.get("force.zero", 0.0)
-        frame = FrameCompliance(heard.settings.get("position.frame_compliance", 0.0))
+        taken_off = TakenOff()
+        taken_off.configure({f"input.{name}": value for name, value in heard.settings.items()})
         stamps = np.round(rows[:, 0] * NANOSECONDS).astype(np.int64)
-        rows[:, 1] -= heard.settings.get("position.zero", 0.0)
-        rows[:, 1] -= frame.of_many(stamps, rows[:, 2], zero_n)
-        rows[:, 2] -= zero_n
-        friction = DryFriction()
-        friction.configure({f"input.{name}": value for name, value in heard.settings.items()})
-        rows[:, 2] -= friction.of_many(stamps, rows[:, 1])
+        rows[:, 1], rows[:, 2] = taken_off.of_many(stamps, rows[:, 1], rows[:, 2])
         rows = rows[~np.isnan(rows[:, 1:]).all(axis=1)]
     heard.rows = (rows[:, 0], rows[:, 1], rows[:, 2])
     return heard

@@ -23,20 +23,15 @@ from hc_estimator import (
     create_estimator,
     parameter_specifications,
 )
-from hc_estimator.stream import frame_compliance
-from hc_estimator.stream.dry_friction import DryFriction
-from hc_estimator.stream.frame_compliance import FrameCompliance
 from hc_estimator.stream.handover import hand_over
 from hc_estimator.stream.in_pieces import run_in_pieces
+from hc_estimator.stream.taken_off import TakenOff
 from hc_estimator.stream.vocabulary import LOADED_STATE, Cause
 from hc_logger.errors import BagError
 from hc_logger.layout import stamps
 from hc_logger.recorded import RecordedConfiguration, Recording
 from hc_msgs_py.estimate_fields import estimate_fields
 
-FORCE_ZERO = "input.force.zero"
-POSITION_ZERO = "input.position.zero"
-FRAME_COMPLIANCE = frame_compliance.SETTING.name
 FRESH = (Cause.STARTED, Cause.RESET, Cause.TIME_JUMP)
 DIFFERENCES_KEPT = 10
 
@@ -119,12 +114,11 @@ def verify(recording: Recording) -> VerificationReport:
     rows = _sample_rows(recording, estimates)
     lives = _lives(configurations)
     estimator: Estimator | None = None
-    frame, friction = FrameCompliance(), DryFriction()
+    taken_off = TakenOff()
     life, revision = -1, 0
     for segment in _segments(estimates):
         if segment.life != life:
-            life, revision, estimator = segment.life, 0, None
-            frame, friction = FrameCompliance(), DryFriction()
+            life, revision, estimator, taken_off = segment.life, 0, None, TakenOff()
         known = lives[life] if life < len(lives) else {}
         reason = ""
         while revision < segment.revision:
@@ -145,8 +139,10 @@ def verify(recording: Recording) -> VerificationReport:
                     "then is not in the bag; verify the one that begins with the run"
                 )
                 estimator = None
-        places = _displacements(recording, own, chosen, frame)
-        forces = _forces(recording, own, chosen, friction, places)
+        taken_off.configure({} if chosen is None else chosen.parameters)
+        places, forces = taken_off.of_many(
+            recording.stamps[own], recording.displacement_mm[own], recording.force_n[own]
+        )
         missing = np.flatnonzero(own < 0)
         known_until = int(missing[0]) if len(missing) else len(own)
         if estimator is None or chosen is None:
@@ -164,49 +160,6 @@ def verify(recording: Recording) -> VerificationReport:
             report.not_comparable += count
             report.notes.append(f"{count} estimates: {reason or 'what came before is not known'}")
     return report
-
-
-def _displacements(
-    recording: Recording,
-    rows: NDArray[np.int64],
-    configuration: RecordedConfiguration | None,
-    frame: FrameCompliance,
-) -> NDArray[np.float64]:
-    """Return the displacements [mm] of samples as the estimator was given them.
-
-    Args:
-        recording: has the samples.
-        rows: which, -1 where one was not recorded.
-        configuration: that of the samples, if it was recorded.
-        frame: knows the force of the samples before them; takes in those of these.
-    """
-    taken_off = {} if configuration is None else configuration.parameters
-    frame.mm_per_n = taken_off.get(FRAME_COMPLIANCE, 0.0)
-    force_zero_n = taken_off.get(FORCE_ZERO, 0.0)
-    yielded_mm = frame.of_many(recording.stamps[rows], recording.force_n[rows], force_zero_n)
-    result: NDArray[np.float64] = (
-        recording.displacement_mm[rows] - taken_off.get(POSITION_ZERO, 0.0) - yielded_mm
-    )
-    return result
-
-
-def _forces(
-    recording: Recording,
-    rows: NDArray[np.int64],
-    configuration: RecordedConfiguration | None,
-    friction: DryFriction,
-    displacements_mm: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Return the forces [N] of samples as the estimator was given them, as `_displacements`."""
-    taken_off = {} if configuration is None else configuration.parameters
-    friction.configure(taken_off)
-    zero_n = taken_off.get(FORCE_ZERO, 0.0)
-    result: NDArray[np.float64] = (
-        recording.force_n[rows]
-        - zero_n
-        - friction.of_many(recording.stamps[rows], displacements_mm)
-    )
-    return result
 
 
 def _sample_rows(recording: Recording, estimates: NDArray[Any]) -> NDArray[np.int64]:

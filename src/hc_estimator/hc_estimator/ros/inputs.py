@@ -9,10 +9,8 @@ from hc_msgs.msg import IndenterSample, IndenterSamples
 from rclpy.node import Node
 
 from hc_estimator.ros.channel import Channel
-from hc_estimator.stream import frame_compliance
-from hc_estimator.stream.dry_friction import DryFriction
-from hc_estimator.stream.frame_compliance import FrameCompliance
 from hc_estimator.stream.normal_finder import NormalFinder
+from hc_estimator.stream.taken_off import TakenOff
 from hc_estimator.stream.vocabulary import Batch
 from hc_msgs_py.topics import SAMPLE, SAMPLES
 from hc_msgs_py.wire import SampleDecoder
@@ -99,8 +97,7 @@ class SampleInput:
         self._receiver = receiver
         self._decoder = SampleDecoder()
         self._frame_id = ""
-        self._frame = FrameCompliance()
-        self._friction = DryFriction()
+        self._taken_off = TakenOff()
         self._channel = self._subscribe(node, receiver)
         self.channels = (self._channel,)
         self.configure(values)
@@ -120,10 +117,7 @@ class SampleInput:
 
     def configure(self, values: Mapping[str, Any]) -> None:
         """Take other zeros and another limit of the backlog."""
-        self._force_zero = values["input.force.zero"]
-        self._position_zero = values["input.position.zero"]
-        self._frame.mm_per_n = values[frame_compliance.SETTING.name]
-        self._friction.configure(values)
+        self._taken_off.configure(values)
         self._channel.maximum_backlog = values["input.maximum_backlog"]
 
     @property
@@ -165,9 +159,7 @@ class SampleInput:
     def _hand_on(self, samples: Samples) -> None:
         stamps, sequences, displacements, forces = samples
         if len(stamps) >= self._receiver.fewest_together():
-            places, pushes = displacements - self._position_zero, forces - self._force_zero
-            places -= self._frame.of_many(stamps, forces, self._force_zero)
-            pushes -= self._friction.of_many(stamps, places)
+            places, pushes = self._taken_off.of_many(stamps, displacements, forces)
             self._receiver.on_samples(Batch(stamps, sequences, places, pushes))
             return
         columns = (column.tolist() for column in samples)
@@ -178,10 +170,8 @@ class SampleInput:
     def _hand_on_one(
         self, stamp_ns: int, sequence: int, displacement_mm: float, force_n: float
     ) -> None:
-        place_mm, push_n = displacement_mm - self._position_zero, force_n - self._force_zero
-        place_mm -= self._frame.yielded_mm(stamp_ns, force_n, self._force_zero)
-        push_n -= self._friction.at(stamp_ns, place_mm)
-        self._receiver.on_sample(stamp_ns, sequence, place_mm, push_n)
+        given = self._taken_off.of_one(stamp_ns, displacement_mm, force_n)
+        self._receiver.on_sample(stamp_ns, sequence, *given)
 
 
 class ArrayInput(SampleInput):

@@ -11,10 +11,11 @@ from hc_estimator.ros.services import NotPossibleError
 from hc_estimator.stream import dry_friction, frame_compliance
 from hc_estimator.stream.press_watch import PressWatch
 from hc_estimator.stream.surface import SurfaceFinder
+from hc_estimator.stream.taken_off import FORCE_ZERO, POSITION_ZERO
 from hc_estimator.stream.tare import Tare, TareResult
 
 TARE, FIND_SURFACE = "tare", "find_surface"
-ZEROS = ("input.force.zero", "input.position.zero")
+ZEROS = (FORCE_ZERO, POSITION_ZERO)
 TAKEN_OFF_ALWAYS = (*ZEROS, frame_compliance.SETTING.name)
 TAKEN_OFF = (*TAKEN_OFF_ALWAYS, *(setting.name for setting in dry_friction.SETTINGS))
 """What is taken off the readings of a sample, and is recorded with the configuration; friction
