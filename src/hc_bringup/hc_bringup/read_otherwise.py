@@ -168,8 +168,8 @@ def what_is_allowed(name: str, value: float | str) -> str:
     """Return what an input setting may be if this cannot be one, else nothing."""
     from hc_estimator.ros.node_settings import NODE_SETTINGS
 
-    checked = (".scale", ".frame_compliance", ".dry_friction", ".presliding", ".stamps")
-    if not name.endswith(checked):
+    checked = ("frame_compliance", "dry_friction", "presliding", "moving_mass", "damping")
+    if name.rpartition(".")[2] not in ("scale", "stamps", *checked):
         return ""
     setting = NODE_SETTINGS[f"input.{name}"]
     return "" if setting.accepted(value) is not None else setting.allowed

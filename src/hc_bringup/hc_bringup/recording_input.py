@@ -24,20 +24,17 @@ from hc_bringup.read_otherwise import (
     what_is_allowed,
 )
 from hc_bringup.real_readings import at_even_times, less_interpolated, less_repeated
-from hc_bringup.robot_mechanics import less_compliance, less_friction
+from hc_bringup.robot_mechanics import COMPLIANCE, FRICTION, MECHANICS, MOTION, less_mechanics
 
 ZEROS = ("force.zero", "position.zero")
 """What can be said of any recording."""
-COMPLIANCE = "position.frame_compliance"
-FRICTION = ("force.dry_friction", "force.presliding")
 OF_A_TABLE = (
     *(
         f"{channel}.{name}"
         for channel in ("force", "position")
         for name in ("sign", "scale", "zero", "time_offset", "held", "stamps")
     ),
-    COMPLIANCE,
-    *FRICTION,
+    *MECHANICS,
 )
 """What can be said of a CSV file and of recorded samples as well; the rest is for a bag with two
 sensors' topics."""
@@ -57,7 +54,7 @@ _SENSOR = {
     "stamps": _TEXT,
 }
 _KINDS = {
-    "force": _SENSOR | dict.fromkeys(("dry_friction", "presliding"), _NUMBER),
+    "force": _SENSOR | {name.removeprefix("force."): _NUMBER for name in (*FRICTION, *MOTION)},
     "position": _SENSOR
     | {"joint": _TEXT, "child_frame": _TEXT, "base_frame": _TEXT, "frame_compliance": _NUMBER},
     "pairing": dict.fromkeys(("maximum_wait", "reorder_window", "maximum_gap"), _NUMBER),
@@ -88,9 +85,9 @@ def add_reading_options(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUE",
         help="how the sensors are read, as the node's parameter input.NAME: force.zero (N) and "
         "position.zero (mm), sign, scale, time_offset, held and stamps of either, and "
-        "position.frame_compliance (mm/N), force.dry_friction (N) and force.presliding (mm); of a "
-        "bag with a wrench and a position topic also "
-        "force.topic, force.axis, position.joint, pairing.maximum_gap "
+        "position.frame_compliance (mm/N), force.dry_friction (N) and force.presliding (mm), "
+        "force.moving_mass (kg) and force.damping (N s/mm); of a bag with a wrench and a position "
+        "topic also force.topic, force.axis, position.joint, pairing.maximum_gap "
         "and so on: with one of these its sensors are read, else its indenter/sample if there",
     )
     parser.add_argument(
@@ -254,8 +251,7 @@ def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
 
     check(arguments)
     sensors = dict(arguments.sensors)
-    mm_per_n = sensors.pop(COMPLIANCE, 0.0)
-    friction = {name: sensors.pop(name) for name in FRICTION if name in sensors}
+    mechanics = {name: sensors.pop(name) for name in MECHANICS if name in sensors}
     table = is_text(Path(arguments.input))
     as_read = table  # what stands there is turned and stamped, no sensor's topic is read
     if not (table or one_of_many) and Path(arguments.input).exists():
@@ -285,14 +281,17 @@ def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
             found = recording.findings
             found = found._replace(problems=(*found.problems, line))
             recording = dataclasses.replace(recording, findings=found)
-        recording = less_compliance(recording, mm_per_n, of_samples=as_read)
-        recording = less_friction(recording, friction, of_samples=as_read)
+        recording = less_mechanics(recording, mechanics, of_samples=as_read)
     except ValueError as error:
         raise UserError(f"--input: {error}", WRONG_USE) from error
     except BagError as error:
         wrong = WRONG_USE if isinstance(error, WrongOptionError) else FAILURE
         raise UserError(str(error), wrong) from error
-    return from_surface(recording, mm_per_n) if arguments.find_surface else recording
+    return (
+        from_surface(recording, mechanics.get(COMPLIANCE, 0.0))
+        if arguments.find_surface
+        else recording
+    )
 
 
 def reads_samples(arguments: argparse.Namespace) -> bool:

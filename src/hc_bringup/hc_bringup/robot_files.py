@@ -142,7 +142,7 @@ def _of_sensors(
         "      source: sensors",
         "      force:",
         *_sensor(force, found.force, "N", offsets.get("force", 0.0)),
-        *_friction(found),
+        *(_of_tool(name, value) for name, value in found.mechanics.items()),
         "      position:",
         f"        type: {position.kind}",
         *_sensor(position, found.position, "mm", offsets.get("position", 0.0)),
@@ -150,14 +150,12 @@ def _of_sensors(
     ]
 
 
-def _friction(found: SetupProposal) -> list[str]:
-    """Return what holds the tool back, nothing if nothing does."""
-    if not found.dry_friction:
-        return []
-    return [
-        f"        dry_friction: {_number(found.dry_friction)}   # N; between sensor and tissue",
-        f"        presliding: {_number(found.presliding)}   # mm; from rest, until it slides",
-    ]
+def _of_tool(name: str, value: float) -> str:
+    """Return a setting of what lies between force sensor and tissue."""
+    from hc_estimator.ros.node_settings import NODE_SETTINGS
+
+    setting = NODE_SETTINGS[f"input.force.{name}"]
+    return f"        {name}: {_number(value)}   # {setting.unit}; between sensor and tissue"
 
 
 def _pairing(slower_hz: float, offsets: dict[str, float]) -> list[str]:
@@ -185,11 +183,16 @@ def _of_effort(position: Stream, found: SetupProposal) -> list[str]:
         "      effort:",
         f"        scale: {_number(found.force.sign * found.position.sign * found.force.scale)}"
         "   # N per unit of effort",
-        "        # mass: 0.5            # kg; what the motor moves, and its friction:",
-        "        # damping: 0.0         # N s/mm",
-        f"        dry_friction: {_number(found.dry_friction)}   # N"
-        if found.dry_friction
-        else "        # dry_friction: 0.0    # N",
+        *(
+            f"        {of_effort}: {_number(found.mechanics[name])}   # {unit}"
+            if name in found.mechanics
+            else f"        # {of_effort}: {usual}   # {unit}"
+            for name, of_effort, usual, unit in (
+                ("moving_mass", "mass", 0.5, "kg; what the motor moves, and its friction"),
+                ("damping", "damping", 0.0, "N s/mm"),
+                ("dry_friction", "dry_friction", 0.0, "N"),
+            )
+        ),
         "      force:",
         f"        zero: {_number(zero_n)}   # N",
         "      position:",

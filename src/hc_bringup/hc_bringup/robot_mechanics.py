@@ -1,4 +1,4 @@
-"""A recording less what a robot does to its readings: it gives way, and something holds it back."""
+"""A recording less what a robot does to its readings: it gives way, is held back, has a mass."""
 
 from __future__ import annotations
 
@@ -8,6 +8,32 @@ from typing import Any
 
 FARTHEST = 1.2
 """Times what the tool moved: a robot gives way no further, and readings have noise."""
+
+
+COMPLIANCE = "position.frame_compliance"
+FRICTION = ("force.dry_friction", "force.presliding")
+MOTION = ("force.moving_mass", "force.damping")
+MECHANICS = (COMPLIANCE, *FRICTION, *MOTION)
+"""Settings of what lies between tissue and sensors, by their names below `input.`."""
+
+
+def less_mechanics(recording: Any, settings: Mapping[str, Any], *, of_samples: bool) -> Any:
+    """Return a recording less what is said of a robot.
+
+    Args:
+        recording: hc_logger.recorded.Recording.
+        settings: of `MECHANICS`, as far as they are given.
+        of_samples: whether its samples were read, which may be less it already.
+
+    Raises:
+        ValueError: if that is more than can be.
+    """
+    read = less_compliance(recording, settings.get(COMPLIANCE, 0.0), of_samples=of_samples)
+    motion, friction = (
+        {name: settings[name] for name in names if name in settings} for names in (MOTION, FRICTION)
+    )
+    read = less_motion(read, motion, of_samples=of_samples)
+    return less_friction(read, friction, of_samples=of_samples)
 
 
 def less_compliance(recording: Any, mm_per_n: float, *, of_samples: bool) -> Any:
@@ -23,7 +49,7 @@ def less_compliance(recording: Any, mm_per_n: float, *, of_samples: bool) -> Any
     """
     import numpy as np
 
-    from hc_estimator.stream.frame_compliance import FrameCompliance
+    from hc_estimator.stream.frame_compliance import SETTING, FrameCompliance
 
     if not mm_per_n:
         return recording
@@ -37,7 +63,7 @@ def less_compliance(recording: Any, mm_per_n: float, *, of_samples: bool) -> Any
         )
     notes = [f"frame compliance {mm_per_n:g} mm/N: up to {most_mm:.3g} mm taken off"]
     lost = np.isnan(displacement_mm) & ~np.isnan(recording.displacement_mm)
-    if of_samples and (already := recording.frame_compliance_taken_off):
+    if of_samples and (already := recording.taken_off_already(SETTING.name)):
         notes.append(
             f"its samples are recorded less {already:g} mm/N already: {already + mm_per_n:g} in all"
         )
@@ -70,7 +96,7 @@ def less_friction(recording: Any, settings: Mapping[str, Any], *, of_samples: bo
     import numpy as np
 
     from hc_bringup.read_otherwise import less_empty
-    from hc_estimator.stream.dry_friction import DryFriction
+    from hc_estimator.stream.dry_friction import DRY_FRICTION, DryFriction
 
     friction = DryFriction()
     friction.configure({f"input.{name}": value for name, value in settings.items()})
@@ -90,12 +116,58 @@ def less_friction(recording: Any, settings: Mapping[str, Any], *, of_samples: bo
         f"dry friction of {friction.newtons:g} N taken off; {100.0 * share:.0f} % of the forces "
         "left out while it turned"
     ]
-    if of_samples and (already := recording.dry_friction_taken_off):
+    if of_samples and (already := recording.taken_off_already(DRY_FRICTION.name)):
         total = already + friction.newtons
         notes.append(f"its samples are recorded less {already:g} N already: {total:g} N in all")
     findings = recording.findings
     once = tuple(dict.fromkeys((*findings.counted_once, "force")))
     findings = findings._replace(notes=(*findings.notes, *notes), counted_once=once)
+    read = dataclasses.replace(recording, force_n=force_n, findings=findings)
+    return less_empty(read, lost)
+
+
+def less_motion(recording: Any, settings: Mapping[str, Any], *, of_samples: bool) -> Any:
+    """Return a recording without what moving the tool takes of the force.
+
+    Args:
+        recording: hc_logger.recorded.Recording.
+        settings: force.moving_mass [kg] and force.damping [N s/mm], as far as they are given.
+        of_samples: whether its samples were read, which may be less it already.
+
+    Raises:
+        ValueError: if that is more than all forces.
+    """
+    import numpy as np
+
+    from hc_bringup.read_otherwise import less_empty
+    from hc_estimator.stream.tool_motion import SETTINGS, ToolMotion
+
+    motion = ToolMotion()
+    motion.configure({f"input.{name}": value for name, value in settings.items()})
+    if not (motion.mass_kg or motion.damping):
+        return recording
+    readings = (recording.stamps, recording.displacement_mm, recording.force_n)
+    force_n = motion.of_many(*readings)
+    lost = np.isnan(force_n) & ~np.isnan(recording.force_n)
+    range_n, taken_n = _range(recording.force_n), _range(recording.force_n - force_n)
+    values = {one: settings.get(one.name.removeprefix("input."), 0.0) for one in SETTINGS}
+    more = {one: value for one, value in values.items() if value}
+    given = " and ".join(f"{value:g} {one.unit}" for one, value in more.items())
+    if taken_n > FARTHEST * range_n:
+        raise ValueError(
+            f"{given} of the moving tool takes {taken_n:.3g} N, and the force changes by "
+            f"{range_n:.3g} N only: are signs and units right?"
+        )
+    notes = [
+        f"what moving the tool takes ({given}) taken off, {taken_n:.2g} N of {range_n:.2g} N; "
+        f"{np.count_nonzero(lost)} forces left out, whose motion is not known"
+    ]
+    for one, value in more.items():
+        if of_samples and (already := recording.taken_off_already(one.name)):
+            total = f"{already + value:g} in all"
+            notes.append(f"its samples are recorded less {already:g} {one.unit} already: {total}")
+    findings = recording.findings
+    findings = findings._replace(notes=(*findings.notes, *notes))
     read = dataclasses.replace(recording, force_n=force_n, findings=findings)
     return less_empty(read, lost)
 

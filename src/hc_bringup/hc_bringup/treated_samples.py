@@ -18,13 +18,17 @@ from hc_estimator.stream.arrival_stamps import find_even_times
 from hc_estimator.stream.dry_friction import DryFriction
 from hc_estimator.stream.friction_checks import CLEAR, find_friction, find_presliding
 from hc_estimator.stream.in_pieces import run_in_pieces
-from hc_estimator.stream.readings import Check, Suspicion, robust_range, whole
+from hc_estimator.stream.readings import Check, Suspicion, robust_range, usable, whole
 from hc_estimator.stream.repeats import once_each
 from hc_estimator.stream.sensor_setup import SURFACE_SHARE
 from hc_estimator.stream.together import of_two_readings, together
+from hc_estimator.stream.tool_motion import ToolMotion
+from hc_estimator.stream.tool_motion_checks import find_tool_motion
 from hc_msgs_py.units import NANOSECONDS
 
 FloatArray = NDArray[np.float64]
+MOTION = {Check.INERTIA: "force.moving_mass", Check.DAMPING: "force.damping"}
+"""What takes off what moving the tool takes."""
 FORCE_LIMIT = "force_limit"
 """The estimator's setting beyond which a force is refused [N]."""
 
@@ -127,6 +131,8 @@ class Samples:
             if doubt.channel in ("force", "both"):
                 self.scale_force(doubt.remedy)
                 settings[f"force.{name}"] = value
+        elif doubt.check in MOTION:
+            settings |= self.take_motion(MOTION[doubt.check], float(f"{doubt.remedy:.3g}"))
         elif doubt.check is Check.FRICTION:
             settings |= self.take_friction()
         elif doubt.check is Check.FORCE_ZERO:
@@ -138,6 +144,22 @@ class Samples:
             # A glance at where the force begins: taken for exact, K would be wrong and sure.
             self.surface_std_mm = SURFACE_SHARE * (high - low)
             settings["position.zero"] = rounded(doubt.remedy, 3)
+        return settings
+
+    def take_motion(self, name: str, value: float) -> dict[str, Any]:
+        """Take off what moving the tool takes by one of its settings; return that setting."""
+        channels = ("displacement", "mm", self.displacement_mm), ("force", "N", self.force_n)
+        found = whole(
+            find_tool_motion(*(usable(n, unit, self.time_s, v) for n, unit, v in channels))
+        )
+        motion = ToolMotion()
+        motion.configure({f"input.{name}": value})
+        stamps_ns = np.round(self.time_s * NANOSECONDS).astype(np.int64)
+        self.force_n = motion.of_many(stamps_ns, self.displacement_mm, self.force_n)
+        settings: dict[str, Any] = {name: value}
+        if found is not None and abs(found.zero_n) > CLEAR * found.zero_std_n:
+            self.take_force_zero(found.zero_n)
+            settings["force.zero"] = rounded(found.zero_n, 4)
         return settings
 
     def take_friction(self) -> dict[str, Any]:

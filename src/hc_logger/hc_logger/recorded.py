@@ -11,10 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_estimator.stream import dry_friction
-from hc_estimator.stream.frame_compliance import TAKEN_OFF_ALREADY
 from hc_estimator.stream.repeats import channels_held_by
-from hc_estimator.stream.vocabulary import CHANNEL_DELAY, CONTACT_POSITION_STD
+from hc_estimator.stream.vocabulary import (
+    CHANNEL_DELAY,
+    CONTACT_POSITION_STD,
+    recorded_less,
+)
 from hc_logger.bag import Bag
 from hc_logger.decoder import decoder
 from hc_logger.definitions import damaged_definition
@@ -251,28 +253,18 @@ class Recording:
         value = self.configurations[-1].parameters.get(CHANNEL_DELAY, "auto")
         return value if value == "auto" else float(value)
 
-    @cached_property
-    def frame_compliance_taken_off(self) -> float:
-        """Frame compliance that a bag's samples are recorded less, as it was set last [mm/N].
+    def taken_off_already(self, setting: str) -> float:
+        """What a bag's samples are recorded less, by a setting of the node, as it was set last.
+
+        Args:
+            setting: its name; the value is in its unit.
 
         Raises:
             BagError: if the bag has several topics of configurations.
         """
-        return self._taken_off(TAKEN_OFF_ALREADY)
-
-    @cached_property
-    def dry_friction_taken_off(self) -> float:
-        """Dry friction that a bag's samples are recorded less, as it was set last [N].
-
-        Raises:
-            BagError: if the bag has several topics of configurations.
-        """
-        return self._taken_off(dry_friction.TAKEN_OFF_ALREADY)
-
-    def _taken_off(self, name: str) -> float:
         if not self.is_bag or not self.configurations:
             return 0.0
-        return float(self.configurations[-1].parameters.get(name, 0.0))
+        return float(self.configurations[-1].parameters.get(recorded_less(setting), 0.0))
 
     @cached_property
     def counted_once(self) -> tuple[str, ...]:

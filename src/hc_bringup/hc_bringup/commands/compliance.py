@@ -8,6 +8,7 @@ from typing import Any
 from hc_bringup import heartbeat, recording_input
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.options import positive
+from hc_bringup.robot_mechanics import COMPLIANCE
 from hc_bringup.standard_input import name_of
 from hc_msgs_py.topics import NODE_ESTIMATOR
 
@@ -61,20 +62,19 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _recorded(arguments: argparse.Namespace) -> tuple[Any, Any]:
     """Return displacements [mm] and forces [N] of a recording."""
+    from hc_estimator.stream.frame_compliance import SETTING
     from hc_logger.errors import BagError
 
     for option in ("node", "seconds"):
         if getattr(arguments, option) is not None:
             raise UserError(f"--{option} is for a running set-up, not a recording", WRONG_USE)
     recording_input.check(arguments)
-    if recording_input.COMPLIANCE in dict(arguments.sensors):
-        raise UserError(
-            f"{recording_input.COMPLIANCE} is what is looked for: leave it away", WRONG_USE
-        )
+    if COMPLIANCE in dict(arguments.sensors):
+        raise UserError(f"{COMPLIANCE} is what is looked for: leave it away", WRONG_USE)
     recording = recording_input.load(arguments)
     rows = (recording.time_s, recording.displacement_mm, recording.force_n)
     try:
-        known = recording.frame_compliance_taken_off
+        known = recording.taken_off_already(SETTING.name)
         return _as_read(rows, known if known and recording_input.reads_samples(arguments) else 0.0)
     except BagError as error:
         raise UserError(str(error)) from error
@@ -100,7 +100,7 @@ def _heard(arguments: argparse.Namespace, node: str) -> tuple[Any, Any]:
     heard = listen(node, seconds, request)
     if heard.rows is None:
         raise UserError("; ".join(finding.what for finding in heard.findings), FAILURE)
-    return _as_read(heard.rows, heard.settings.get(recording_input.COMPLIANCE, 0.0))
+    return _as_read(heard.rows, heard.settings.get(COMPLIANCE, 0.0))
 
 
 def _text(name: str, node: str, found: Any) -> str:
@@ -116,8 +116,8 @@ def _text(name: str, node: str, found: Any) -> str:
             f"{found.to_n:.3g} N; {gave_way_mm:.3g} mm gave way, {loop}",
             f"frame compliance {value} ± {found.mm_per_n_std:.2g} mm/N "
             f"({1.0 / found.mm_per_n:.4g} N/mm), if what was pressed on was rigid",
-            f"set it:  hc param set {node} input.{recording_input.COMPLIANCE} {value}",
+            f"set it:  hc param set {node} input.{COMPLIANCE} {value}",
             f"keep it: frame_compliance: {value} below input: position: of the parameter file",
-            f"for a recording: --input {recording_input.COMPLIANCE}={value}",
+            f"for a recording: --input {COMPLIANCE}={value}",
         )
     )

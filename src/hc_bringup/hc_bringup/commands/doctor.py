@@ -12,6 +12,7 @@ from hc_bringup import heartbeat, recording_input
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.file_preset import CSV_OPTIONS
 from hc_bringup.options import positive
+from hc_bringup.robot_mechanics import MOTION
 from hc_bringup.standard_input import name_of, typed
 from hc_bringup.wrapping import say
 from hc_msgs_py.topics import NODE_ESTIMATOR
@@ -20,6 +21,12 @@ HELP = "verdict on a recording, or on the estimator that runs now"
 COMPILES = True
 HEARTBEAT = True
 LISTEN_S = 10.0
+OF_EFFORT = {
+    "force.dry_friction": "effort.dry_friction",
+    "force.moving_mass": "effort.mass",
+    "force.damping": "effort.damping",
+}
+"""What takes off the force what lies between sensor and tissue, and what it is called of effort."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -47,6 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
         surface_std_at,
     )
     from hc_bringup.turn_watch import bag_turning_line
+    from hc_estimator.ros.node_settings import OWN_SENSORS
     from hc_logger.errors import BagError
 
     notes: tuple[str, ...] = ()
@@ -115,6 +123,8 @@ def run(arguments: argparse.Namespace) -> int:
         of_effort = settings.get("source") == "effort"
         findings += [_of_one_message(f) if of_effort else f for f in diagnosis.findings]
         if arguments.input in (None, "live"):
+            if settings.get("source") not in OWN_SENSORS:
+                findings = [_of_samples(f) for f in findings]
             findings += too_short_wait(rows, settings, findings)
             findings = said_once(findings)
     heartbeat.nothing()
@@ -132,12 +142,12 @@ def _of_one_message(finding: Any) -> Any:
 
     Friction there is the joint's own.
     """
-    friction = finding.settings.get("force.dry_friction")
-    if friction is not None:
-        others = {n: v for n, v in finding.settings.items() if n == "force.zero"}
-        settings = {"effort.dry_friction": friction, **others}
-        what = finding.what.replace("force.dry_friction", "effort.dry_friction")
-        return dataclasses.replace(finding, what=what, settings=settings)
+    for name, of_effort in OF_EFFORT.items():
+        if name in finding.settings:
+            others = {n: v for n, v in finding.settings.items() if n == "force.zero"}
+            settings = {of_effort: finding.settings[name], **others}
+            what = finding.what.replace(name, of_effort)
+            return dataclasses.replace(finding, what=what, settings=settings)
     if not any("time_offset" in name or "delay" in name for name in finding.settings):
         return finding
     why = (
@@ -145,6 +155,14 @@ def _of_one_message(finding: Any) -> Any:
         "(input.effort.mass, damping, dry_friction), or input.effort.bandwidth"
     )
     return dataclasses.replace(finding, what=f"{finding.what}: {why}", settings={})
+
+
+def _of_samples(finding: Any) -> Any:
+    """Return a finding of a node whose samples another one makes."""
+    if finding.settings.keys().isdisjoint(MOTION):
+        return finding
+    what = f"{finding.what}: of samples that is taken off where they are made"
+    return dataclasses.replace(finding, what=what, settings={})
 
 
 def _for_node(node: str) -> Any:
@@ -224,9 +242,11 @@ def apply(present: dict[str, Any], correction: dict[str, Any]) -> dict[str, Any]
             zero = present.get(f"{sensor}.zero", 0.0)
             if zero:
                 changed[f"{sensor}.zero"] = rounded(zero * value, 4)
-            friction = present.get(f"{sensor}.dry_friction", 0.0)
-            if friction:
-                changed[f"{sensor}.dry_friction"] = rounded(friction * abs(value), 4)
+            for taken in OF_EFFORT.keys() & present.keys():
+                times = abs(value)
+                if sensor == "position":  # of a motion it is so much less, of a force the same
+                    times = 1.0 if taken == "force.dry_friction" else 1.0 / times
+                changed[taken] = rounded(present[taken] * times, 4)
             if sensor == "position" and CONTACT_POSITION_STD in present:
                 deviation_mm = abs(present[CONTACT_POSITION_STD] * value)
                 changed[CONTACT_POSITION_STD] = float(f"{deviation_mm:.2g}")

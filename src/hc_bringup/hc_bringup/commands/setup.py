@@ -152,6 +152,7 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
     from hc_bringup.diagnosis import diagnose, estimate_lines
     from hc_bringup.guided_setup import FINDING
     from hc_bringup.recording_input import assumed_line
+    from hc_bringup.robot_mechanics import FRICTION, MOTION
     from hc_bringup.treated_samples import FORCE_LIMIT
     from hc_bringup.turning import turning_line
     from hc_estimator.stream.repeats import channels_held
@@ -185,11 +186,13 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
     _refuse_counts(found)
     if FORCE_LIMIT in corrections:
         found = found._replace(force_limit=corrections[FORCE_LIMIT])
-    if "force.dry_friction" in corrections:
-        found = found._replace(
-            dry_friction=corrections["force.dry_friction"],
-            presliding=corrections["force.presliding"],
-        )
+    found = found._replace(
+        mechanics={
+            name.removeprefix("force."): corrections[name]
+            for name in (*FRICTION, *MOTION)
+            if name in corrections
+        }
+    )
     effort = recorded.force.kind == "effort"
     _tell(recorded.force, found.force, "N")
     _tell(recorded.position, found.position, "mm")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hc_estimator.ros.effort_settings import EFFORT_SETTINGS
 from hc_estimator.ros.sensor_settings import sensor_settings
-from hc_estimator.stream import dry_friction, frame_compliance
+from hc_estimator.stream import dry_friction, frame_compliance, tool_motion
 from hc_estimator.stream.merger import MAXIMUM_WAIT_S
 from hc_estimator.stream.vocabulary import SessionSettings
 from hc_msgs_py.specification import ParameterSpecification, setting
@@ -40,7 +40,7 @@ READING = frozenset(
         "input.position.child_frame",
         "input.position.base_frame",
         frame_compliance.SETTING.name,
-        *(setting.name for setting in dry_friction.SETTINGS),
+        *(setting.name for setting in (*dry_friction.SETTINGS, *tool_motion.SETTINGS)),
         "input.contact.frame",
         "input.contact.point",
         "input.contact.normal",
@@ -108,6 +108,7 @@ NODE_SETTINGS = _table(
     ),
     frame_compliance.SETTING,
     *dry_friction.SETTINGS,
+    *tool_motion.SETTINGS,
     *EFFORT_SETTINGS,
     setting(
         "input.position.type",

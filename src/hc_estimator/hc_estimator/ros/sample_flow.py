@@ -17,11 +17,11 @@ from hc_estimator.ros.state_keeper import StateKeeper
 from hc_estimator.ros.status import StatusReporter
 from hc_estimator.ros.zero_setting import ZeroSetting
 from hc_estimator.ros.zeroing import TAKEN_OFF, TAKEN_OFF_ALWAYS
-from hc_estimator.stream import dry_friction, frame_compliance, repeats
+from hc_estimator.stream import dry_friction, frame_compliance, repeats, tool_motion
 from hc_estimator.stream.contacts import ContactSummary
 from hc_estimator.stream.session import EstimationSession
 from hc_estimator.stream.suspicion_watch import SuspicionWatch
-from hc_estimator.stream.vocabulary import Batch, Cause, Event, Revision
+from hc_estimator.stream.vocabulary import Batch, Cause, Event, Revision, recorded_less
 from hc_msgs_py.diagnostics import DiagnosticsPublisher
 
 FEWEST_TOGETHER = 12
@@ -168,6 +168,8 @@ class SampleFlow:
             zeros = {frame_compliance.TAKEN_OFF_ALREADY: values[frame_compliance.SETTING.name]}
             if values["input.source"] == "sensors":
                 zeros |= {dry_friction.TAKEN_OFF_ALREADY: friction_n} if friction_n else {}
+                motion = [setting.name for setting in tool_motion.SETTINGS]
+                zeros |= {recorded_less(name): values[name] for name in motion if values.get(name)}
                 zeros |= {name: True for name in repeats.SETTINGS.values() if values.get(name)}
         session = self._configured()
         loaded = session.loaded if revision.cause is Cause.STATE_LOADED else None

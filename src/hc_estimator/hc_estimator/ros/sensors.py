@@ -35,6 +35,7 @@ from hc_estimator.stream.merger import Merged, Merger
 from hc_estimator.stream.normal_finder import NormalFinder
 from hc_estimator.stream.poses import SurfacePose, ToolPose
 from hc_estimator.stream.repeats import SHARE, Repeats
+from hc_estimator.stream.tool_motion import Reading, ToolMotion
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, sent_mm
 
 _CHANNELS = ("force", "position")
@@ -77,7 +78,7 @@ class SensorInput:
             moves = values["input.contact.normal_from"] == "topic"
             self._contact = ContactReading(contact_frame(values), moves=moves)
         self._frame = FrameCompliance()
-        self._friction = DryFriction()
+        self._friction, self._motion = DryFriction(), ToolMotion()
         self._repeated_forces, self._repeated_positions = Repeats(), Repeats()
         self._force_clock: ArrivalClock | None = None
         self._position_clock: ArrivalClock | None = None
@@ -131,6 +132,7 @@ class SensorInput:
         self._position_zero = values["input.position.zero"]
         self._frame.mm_per_n = values[frame_compliance.SETTING.name]
         self._friction.configure(values)
+        self._motion.configure(values)
         self._force_mapping = sensor_mapping(values, "force")
         self._position_mapping = sensor_mapping(values, "position")
         self._force_factor = values["input.force.sign"] * values["input.force.scale"]
@@ -177,6 +179,7 @@ class SensorInput:
             self._repeated_positions.forget()
             self._frame = FrameCompliance(self._frame.mm_per_n)
             self._friction = DryFriction(self._friction.newtons, self._friction.presliding_mm)
+            self._motion.forget()
             self._base_frame_id = ""  # another one may be meant now
         self._reading = reading
 
@@ -193,6 +196,7 @@ class SensorInput:
             "positions_skipped": self._skipped_positions,
             "force_not_finite": self._forces_not_finite,
             "force_turning": self._forces_turning,
+            "force_motion_unknown": self._motion.unknown,
             "position_not_finite": self._positions_not_finite,
             "joint_missing": self._missing_joint,
             "frame_missing": 0 if frames is None else frames.missing,
@@ -324,22 +328,31 @@ class SensorInput:
         for sample in samples:
             reading = self._read(sample)
             if reading is None:
+                self._pass_on(Reading(sample.stamp_ns, sample.sequence, math.nan, math.nan, True))
+                continue
+            place_mm, force_n = reading
+            friction_n = self._friction.at(sample.stamp_ns, place_mm - self._position_zero)
+            turns = math.isnan(friction_n) and sample.force is not None
+            self._forces_turning += turns
+            nothing = turns and math.isnan(place_mm)
+            numbers = (sample.stamp_ns, sample.sequence)
+            self._pass_on(Reading(*numbers, place_mm, force_n - friction_n, nothing))
+
+    def _pass_on(self, reading: Reading) -> None:
+        """Publish and hand on what is complete with a reading, if anything is left of it."""
+        for stamp_ns, number, place_mm, force_n, nothing in self._motion.take(reading):
+            if nothing:
                 self._numbers_free += 1
-                continue
-            # The estimator gets what a recorder gets, to the last bit.
-            displacement_mm = sent_mm(reading[0] - self._position_zero)
-            friction_n = self._friction.at(sample.stamp_ns, displacement_mm)
-            force_n = reading[1] - self._force_zero - friction_n
-            if math.isnan(friction_n) and sample.force is not None:
-                self._forces_turning += 1
-                if math.isnan(displacement_mm):  # nothing is left of it
-                    self._numbers_free += 1
-                    continue
-            if not self._samples.begin():
-                continue
-            sequence = sample.sequence - self._numbers_free
-            self._samples.publish(sample.stamp_ns, sequence, displacement_mm, force_n)
-            self._receiver.on_sample(sample.stamp_ns, sequence, displacement_mm, force_n)
+            elif self._samples.begin():
+                # The estimator gets what a recorder gets, to the last bit.
+                sample = (
+                    stamp_ns,
+                    number - self._numbers_free,
+                    sent_mm(place_mm - self._position_zero),
+                    force_n - self._force_zero,
+                )
+                self._samples.publish(*sample)
+                self._receiver.on_sample(*sample)
 
     def _read(self, sample: Merged) -> tuple[float, float] | None:
         """Return displacement [mm], less what the robot gave way, and force [N].

@@ -11,6 +11,7 @@ from rclpy.exceptions import InvalidTopicNameException
 from rclpy.validate_topic_name import validate_topic_name
 
 from hc_estimator.ros.node_settings import MISSING_READINGS
+from hc_estimator.stream import tool_motion
 from hc_estimator.stream.contact_frame import (
     ContactFrame,
     Payload,
@@ -72,6 +73,13 @@ def check_together(values: Mapping[str, Any]) -> None:
             "parameter input.contact.frame = 'surface' needs a wrench: input.source = 'effort' has "
             "none"
         )
+    for setting in tool_motion.SETTINGS:
+        if values[setting.name] and values["input.source"] != "sensors":
+            raise ValueError(
+                f"parameter {setting.name} = {values[setting.name]!r} is of input.source = "
+                "'sensors', which holds readings back until their motion is known: of samples take "
+                "it off where they are made, of effort say it in input.effort"
+            )
     try:
         effort_settings(values)
     except ValueError as error:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from hc_estimator.stream.fading_memory import FadingMemory
 from hc_estimator.stream.readings import BEYOND_ANY_SENSOR, FloatArray
+from hc_estimator.stream.vocabulary import recorded_less
 from hc_msgs_py.specification import setting
 
 DRY_FRICTION = setting(
@@ -43,8 +44,7 @@ PRESLIDING = setting(
     unit="mm",
 )
 SETTINGS = (DRY_FRICTION, PRESLIDING)
-TAKEN_OFF_ALREADY = f"{DRY_FRICTION.name}.taken_off"
-"""In a configuration: of samples that are recorded less it."""
+TAKEN_OFF_ALREADY = recorded_less(DRY_FRICTION.name)
 PLAY = 1.5
 """Deviations of the position's noise, by which a tool that slides may seem to go back."""
 SHORTEST = 5.0

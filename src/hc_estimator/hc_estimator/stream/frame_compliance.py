@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from hc_estimator.stream.readings import FloatArray
 from hc_estimator.stream.together import LONGEST_GAP_NS
+from hc_estimator.stream.vocabulary import recorded_less
 from hc_msgs_py.specification import setting
 
 SETTING = setting(
@@ -32,8 +33,7 @@ SETTING = setting(
     unit="mm/N",
 )
 """What is softer than 1 N/m holds no tool."""
-TAKEN_OFF_ALREADY = f"{SETTING.name}.taken_off"
-"""In a configuration: of samples that are recorded less it."""
+TAKEN_OFF_ALREADY = recorded_less(SETTING.name)
 
 
 class FrameCompliance:

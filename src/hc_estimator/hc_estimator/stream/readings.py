@@ -41,6 +41,8 @@ class Check(Enum):
     EXCHANGED = "exchanged"
     SIGN = "sign"
     UNITS = "units"
+    INERTIA = "inertia"
+    DAMPING = "damping"
     FRICTION = "friction"
     ZERO_STEP = "zero step"
     FORCE_ZERO = "force zero"

@@ -31,6 +31,7 @@ from hc_estimator.stream.readings import (
     whole,
 )
 from hc_estimator.stream.sign_checks import RELATED, turned_channels
+from hc_estimator.stream.tool_motion_checks import find_tool_motion, less_motion, takes_force
 from hc_estimator.stream.zero_steps import find_steps
 
 SCALES = "force.scale, position.scale"
@@ -42,6 +43,8 @@ PEAK_N = (0.005, 1500.0)
 GRAM_FORCE = 9.80665e-3
 """N in a gram-force, which no range tells from ten millinewtons."""
 
+HELD_BACK = (Check.FRICTION, Check.DAMPING, Check.INERTIA)
+"""A part of the force is of what moving the tool takes."""
 _ZERO_SHARE = 0.05
 _SURFACE_SHARE = 0.4
 """Of the depth: a stiffening tissue is hardly felt in the first quarter."""
@@ -125,7 +128,7 @@ def check_in_parts(
             result += yield from find_steps(displacement, force)
         yield
         result += yield from _check_together(displacement, force, fine=not coarse)
-        if any(s.check is Check.FRICTION for s in result):  # whose turns look like steps
+        if any(s.check in HELD_BACK for s in result):  # whose turns look like steps
             result[:] = [s for s in result if (s.check, s.channel) != (Check.ZERO_STEP, "force")]
         yield
         seen = {(s.check, s.channel) for s in result}
@@ -219,6 +222,13 @@ def _check_together(
     result += yield from turned_channels(depth, newtons, related)
     yield
     if fine and not result:  # zeros of a channel that is turned or scaled wrongly say nothing
+        motion = yield from find_tool_motion(displacement, force)
+        yield
+        if motion is not None:
+            result += takes_force(motion)
+            force = yield from less_motion(motion, displacement, force)
+            depth, newtons = _at_common_times(displacement, force)
+            yield
         friction = yield from find_friction(depth, newtons)
         yield
         if friction is not None:  # nor does a zero of the way in alone

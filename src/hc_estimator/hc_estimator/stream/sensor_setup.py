@@ -8,12 +8,13 @@ and steeper, for tissue stiffens and free motion is flat.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_estimator.stream.dry_friction import PRESLIDING
 from hc_estimator.stream.free_motion import free_motion
 from hc_estimator.stream.readings import (
     CLEAR,
@@ -94,8 +95,8 @@ class SetupProposal(NamedTuple):
         notes: what a user should know, one line each.
         force_limit: force from which on readings are to be left out, for the sensor's range ends
             there [N]; NaN if it was not reached.
-        dry_friction: what holds the tool back between force sensor and tissue [N].
-        presliding: how far the tool moves from rest until it slides [mm].
+        mechanics: what lies between force sensor and tissue, by the names of the node's settings
+            below `input.force`.
     """
 
     force: SensorProposal
@@ -105,8 +106,7 @@ class SetupProposal(NamedTuple):
     force_n: FloatArray
     notes: tuple[str, ...]
     force_limit: float = math.nan
-    dry_friction: float = 0.0
-    presliding: float = PRESLIDING.default
+    mechanics: Mapping[str, float] = MappingProxyType({})
 
     def rescaled(self, force: float, position: float) -> SetupProposal:
         """Return the proposal for readings that stand for so many times as much."""

@@ -25,6 +25,11 @@ CHANNEL_DELAY = "channel_delay"
 """Setting of the default filter: by how much the force is late [s], or auto."""
 
 
+def recorded_less(setting: str) -> str:
+    """Return what says in a configuration that samples are recorded less a setting's value."""
+    return f"{setting}.taken_off"
+
+
 class EventKind(IntEnum):
     """What happened; the numbers of hc_msgs/EstimatorEvent."""
 
