@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_estimator.stream.local_parabola import LONGEST_NS, LocalParabola
+from hc_estimator.stream.local_cubic import LONGEST_NS, LocalCubic
 from hc_estimator.stream.readings import BEYOND_ANY_SENSOR, FloatArray
 from hc_msgs_py.specification import setting
 
@@ -77,7 +77,7 @@ class ToolMotion:
         self.mass_kg, self.damping = mass_kg, damping
         self.unknown = 0
         self._held: deque[Reading] = deque()
-        self._parabola = LocalParabola()
+        self._cubic = LocalCubic()
         self._newest_ns = _BEFORE_ALL_NS
 
     def configure(self, values: Mapping[str, Any]) -> None:
@@ -98,11 +98,11 @@ class ToolMotion:
         self._newest_ns = max(self._newest_ns, stamp_ns)
         self._held.append(reading)
         if abs(reading.displacement_mm) < BEYOND_ANY_SENSOR:  # which NaN is not
-            self._parabola.add(stamp_ns, reading.displacement_mm)
+            self._cubic.add(stamp_ns, reading.displacement_mm)
         while self._held and self._is_due(self._held[0]):
             oldest = self._held.popleft()
             if not math.isnan(oldest.force_n):
-                velocity, acceleration = self._parabola.motion_at(oldest.stamp_ns)
+                velocity, acceleration = self._cubic.motion_at(oldest.stamp_ns)
                 taken_n = self.damping * velocity + TONNES * self.mass_kg * acceleration
                 oldest = self._with_force(oldest, oldest.force_n - taken_n)
             given.append(oldest)
@@ -120,14 +120,14 @@ class ToolMotion:
     def forget(self) -> None:
         """Begin anew, without what is held."""
         self._held.clear()
-        self._parabola.clear()
+        self._cubic.clear()
         self._newest_ns = _BEFORE_ALL_NS
 
     def _is_due(self, oldest: Reading) -> bool:
         """Whether a reading need not wait, or waited in vain."""
         return (
             math.isnan(oldest.force_n)
-            or self._parabola.reaches(oldest.stamp_ns)
+            or self._cubic.reaches(oldest.stamp_ns)
             or self._newest_ns - oldest.stamp_ns > LONGEST_NS
         )
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator.stream.free_motion import BINS, FLAT_SHARE, RISE_SHARE, in_bins
-from hc_estimator.stream.local_parabola import HALF_NS, LEAST
+from hc_estimator.stream.local_cubic import HALF_NS, LEAST
 from hc_estimator.stream.readings import (
     LEAST_SAMPLES,
     Check,
@@ -40,6 +40,10 @@ PART = (0.6, 1.5)
 """Times what is found, which each half and the ways in alone have to show."""
 BESIDE_PLACE = (0.75, 1.25)
 """The same of a fit in which the force may depend on the place, too."""
+DEPENDS = 3.0
+"""Deviations, from which on the force does depend on the place."""
+LEAST_OF = 0.35
+"""Of what is found: so much that may be."""
 PLACE_SHARE = 0.01
 """Of the force's range: so much it may depend on the place in the air; more is tissue."""
 MOVES_SHARE = 0.1
@@ -234,7 +238,7 @@ def _moving(displacement: Readings, force: Readings) -> Parts[_Rows | None]:
 def _motion(displacement: Readings) -> _Motion | None:
     """Return the motion of the newest readings; None of readings that are too uneven, or too few.
 
-    By the parabola of `LocalParabola`, which for even times is a filter.
+    By the cubic of `LocalCubic`, which for even times is a filter.
     """
     time_s = displacement.time_s[-MOST_ROWS:]
     places = displacement.values[-MOST_ROWS:]
@@ -250,13 +254,16 @@ def _motion(displacement: Readings) -> _Motion | None:
     even = np.interp(even_s, time_s, places)
     away = np.arange(-half, half + 1.0)
     square = away * away
+    second, fourth, sixth = (float(np.sum(square**power)) for power in (1, 2, 3))
+    slope = away * (sixth - fourth * square) / (second * sixth - fourth**2) / step_s
     bend = square - np.mean(square)
+    curve = 2.0 * bend / np.sum(bend**2) / step_s**2
     unknown = np.full(half, np.nan)
     speed, acceleration = (
         np.concatenate([unknown, np.convolve(even, weights[::-1], "valid"), unknown])
-        for weights in (away / np.sum(square) / step_s, 2.0 * bend / np.sum(bend**2) / step_s**2)
+        for weights in (slope, curve)
     )
-    deviation = noise(places) / step_s / math.sqrt(float(np.sum(square)))
+    deviation = noise(places) * math.sqrt(float(np.sum(slope**2)))
     return _Motion(even_s, speed, acceleration, deviation)
 
 
@@ -316,9 +323,7 @@ def _found(
     rise_n = abs(beside[_PLACE]) * float(np.ptp(place))
     if rise_n > PLACE_SHARE * range_n:
         return None
-    depends = (
-        rise_n > FLAT_SHARE * range_n and abs(beside[_PLACE]) > CLEAR * beside_deviations[_PLACE]
-    )
+    depends = abs(beside[_PLACE]) > DEPENDS * beside_deviations[_PLACE]
     least_n = (LEAST_SHARE if count >= FEW else FEW_SHARE) * range_n
     result = []
     for term in (_SPEED, _ACCELERATION):
@@ -326,6 +331,7 @@ def _found(
         shown = [part[term] for part in parts]
         there = size > max(CLEAR * deviations[term], least_n) and _within(shown, size, PART)
         if depends:
+            there = there and rise_n < LEAST_OF * size
             there = there and _within([beside[term]], size, BESIDE_PLACE)
         result.append(size if there else 0.0)
     return result[0], result[1], float(whole[0]), float(deviations[0])
