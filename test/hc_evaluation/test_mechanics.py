@@ -81,3 +81,27 @@ def test_a_friction_that_is_taken_off_leaves_little_of_it_and_not_the_turns(seed
     assert np.mean(known) > 0.4
     before, after = (c.force_n[known] - plain.force_n[known] for c in (held_back, other))
     assert np.sqrt(np.mean(after**2)) < 0.7 * np.sqrt(np.mean(before**2))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("name", ["inertia", "drag"])
+def test_what_moving_the_tool_takes_is_gone_and_the_forces_are_not(seed, name):
+    plain, moved = pair(name, seed)
+    less, deviation = TAKEN_OFF[f"{name}, taken off"]
+    other = less(deviation, seed)
+    np.testing.assert_array_equal(other.displacement_mm, moved.displacement_mm)
+    known = np.isfinite(other.force_n)
+    assert np.mean(known) > 0.9
+    before, after = (np.std(c.force_n[known] - plain.force_n[known]) for c in (moved, other))
+    assert after < 0.7 * before  # of 66 Hz, whose taps are short beside six readings
+    less, deviation = TAKEN_OFF[f"{name}, known to 5 %"]
+    assert 0.0 < np.std(less(deviation, seed).force_n[known] - other.force_n[known]) < 0.3 * before
+
+
+def test_a_drag_is_the_speeds():
+    time = np.linspace(0.0, 2.0, 4001)
+    place = 3.0 + 1.5 * np.sin(6.0 * time)
+    _read, force = MECHANICS["drag"](np.random.default_rng(1), time, place, np.ones(time.size))
+    quotient = (force[5:-5] - 1.0) / np.gradient(place, time)[5:-5]
+    assert 0.005 / 9.0 <= quotient[0] <= 0.05 / 8.9
+    np.testing.assert_allclose(quotient, quotient[0], rtol=1e-6)

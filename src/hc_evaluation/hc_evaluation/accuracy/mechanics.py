@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from scipy.signal import butter, lfilter
 
 from hc_estimator.stream.dry_friction import DryFriction
 from hc_estimator.stream.frame_compliance import FrameCompliance
+from hc_estimator.stream.tool_motion import TONNES, ToolMotion
 from hc_evaluation.accuracy.bench import Bench, Result, Row, target
 from hc_evaluation.accuracy.drawn_contact import Between, Draw, DrawnContact, drawn_contact
 from hc_evaluation.accuracy.measure import Numbers
@@ -42,9 +44,22 @@ def _with_memory(value: FloatArray, half_width: float) -> FloatArray:
 
 def _inertia(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray) -> Read:
     """The mass between sensor and tip; the sensor holds it, too."""
-    mass_kg = log_uniform(draw, 0.02, 0.5)
     acceleration = np.gradient(np.gradient(place, time), time)
-    return place, force + 1e-3 * mass_kg * acceleration
+    return place, force + TONNES * _mass_kg(draw) * acceleration
+
+
+def _mass_kg(draw: Draw) -> float:
+    return log_uniform(draw, 0.02, 0.5)
+
+
+def _drag(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray) -> Read:
+    """A seal or a guide holds the tool back, the more the faster it goes."""
+    return place, force + _damping(draw, time, place, force) * np.gradient(place, time)
+
+
+def _damping(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray) -> float:
+    fastest = max(float(np.max(np.abs(np.gradient(place, time)))), 1e-3)
+    return _largest_friction(draw, force) / fastest
 
 
 def _friction(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray) -> Read:
@@ -95,6 +110,7 @@ def _compliance(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArr
 
 MECHANICS: dict[str, Between] = {
     "inertia": _inertia,
+    "drag": _drag,
     "friction": _friction,
     "hysteresis": _hysteresis,
     "play": _play,
@@ -129,11 +145,35 @@ def _less_friction(deviation: float, seed: int) -> DrawnContact:
     return replace(contact, force_n=contact.force_n - friction)
 
 
+def _less_motion(of_mass: bool, deviation: float, seed: int) -> DrawnContact:
+    motion = ToolMotion()
+
+    def between(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray) -> Read:
+        velocity = np.gradient(place, time)
+        mass_kg, damping = 0.0, 0.0
+        if of_mass:
+            mass_kg = _mass_kg(draw)
+        else:
+            damping = _damping(draw, time, place, force)
+        known = 1.0 + deviation * float(draw.standard_normal())
+        motion.mass_kg, motion.damping = known * mass_kg, known * damping
+        taken_n = damping * velocity + TONNES * mass_kg * np.gradient(velocity, time)
+        return place, force + taken_n
+
+    contact = drawn_contact((), seed, between)
+    less = motion.of_many(_stamps(contact), contact.displacement_mm, contact.force_n)
+    return replace(contact, force_n=less)
+
+
 def _stamps(contact: DrawnContact) -> NDArray[np.int64]:
     return np.round(contact.time_s * NANOSECONDS).astype(np.int64)
 
 
 TAKEN_OFF: dict[str, tuple[Callable[[float, int], DrawnContact], float]] = {
+    "inertia, taken off": (partial(_less_motion, True), 0.0),
+    "inertia, known to 5 %": (partial(_less_motion, True), 0.05),
+    "drag, taken off": (partial(_less_motion, False), 0.0),
+    "drag, known to 5 %": (partial(_less_motion, False), 0.05),
     "friction, taken off": (_less_friction, 0.0),
     "friction, known to 5 %": (_less_friction, 0.05),
     "compliance, taken off": (_less_compliance, 0.0),
