@@ -44,7 +44,7 @@ def loaded(path, *settings):
 
 
 def test_the_doctor_names_both_and_what_they_cost(table, capsys):
-    """K was a sixth of what it is, with "100 % known"; a misfit was all that was said."""
+    """K was a sixth of what it is, and a misfit was all that was said."""
     assert main(["doctor", str(table), "--json"]) == 1
     told = json.loads(capsys.readouterr().out)
     mass, drag = told["findings"][:2]

@@ -9,7 +9,14 @@ from hypothesis import strategies as st
 from presses_from_air import presses
 
 from hc_estimator import create_estimator
-from hc_estimator.stream.local_cubic import HALF_NS, LEAST, LONGEST_NS, LocalCubic
+from hc_estimator.stream.local_cubic import (
+    HALF_NS,
+    LEAST,
+    LONGEST_NS,
+    SHOW_SPIKE,
+    LocalCubic,
+    less_spikes,
+)
 from hc_estimator.stream.tool_motion import DAMPING, MOVING_MASS, Reading, ToolMotion
 
 STEPS_NS = st.lists(st.integers(200_000, 30_000_000), min_size=12, max_size=80)
@@ -52,7 +59,7 @@ def test_a_long_stream_is_as_a_short_one():
     for stamp, place in zip(stamps.tolist(), places.tolist(), strict=True):
         cubic.add(stamp, place)
         cubic.add(stamp, 99.0)  # the same stamp again says nothing new
-        at = stamp - HALF_NS
+        at = stamp - HALF_NS - SHOW_SPIKE * 500_000
         if stamp > 5 * HALF_NS:
             assert cubic.reaches(at)
             velocity, acceleration = cubic.motion_at(at)
@@ -130,9 +137,37 @@ def test_a_clock_that_is_set_back_begins_anew():
         stamp = 10**12 + 10**6 * number - (5 * 10**9 if number >= 200 else 0)
         given_on += motion.take(Reading(stamp, number, 0.01 * number, 1.0))
     assert [r.sequence for r in given_on] == list(range(len(given_on)))
-    assert len(given_on) == 400 - HALF_NS // 10**6
+    assert len(given_on) == 400 - HALF_NS // 10**6 - SHOW_SPIKE
     unknown = [r.sequence for r in given_on if math.isnan(r.force_n)]
-    assert unknown == [0, 1, *range(180, 202)]
+    assert unknown == [0, 1, *range(178, 202)]
+
+
+@pytest.mark.parametrize("size_mm", [3.0, 1e5])
+def test_a_spike_of_the_position_is_no_acceleration(size_mm):
+    """Regression: its jerk made thousands of newtons for 40 ms; and 0.7 N of a place 20 ms on."""
+    time_s, place, force = presses()
+    stamps = np.round(1e9 * time_s).astype(np.int64)
+    spiked = place.copy()
+    rows = np.random.default_rng(2).choice(np.arange(50, len(place) - 50, 10), 40, replace=False)
+    spiked[rows] += size_mm * np.where(rows % 20 < 10, 1.0, -1.0)
+    without, with_them = (ToolMotion(0.3, 0.01).of_many(stamps, d, force) for d in (place, spiked))
+    known = np.isfinite(without)
+    np.testing.assert_array_equal(known, np.isfinite(with_them))
+    assert np.max(np.abs(with_them - without)[known]) < 0.02
+    kept_s, _ = less_spikes(time_s, spiked)
+    np.testing.assert_array_equal(np.setdiff1d(time_s, kept_s), np.sort(time_s[rows]))
+
+
+def test_a_step_of_the_position_is_followed_within_some_readings():
+    cubic = LocalCubic()
+    random = np.random.default_rng(3)
+    for number in range(400):
+        cubic.add(
+            10**6 * number, (5.0 if number >= 200 else 0.0) + 0.003 * random.standard_normal()
+        )
+    velocity, acceleration = cubic.motion_at(250 * 10**6)
+    assert abs(velocity) < 1.0
+    assert abs(acceleration) < 50.0
 
 
 def test_off_it_gives_on_at_once_and_what_is_held_when_it_is_put_off():

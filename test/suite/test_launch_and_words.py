@@ -21,6 +21,7 @@ SOURCES = (
     "hc_estimator/hc_estimator/stream/exchanged.py",
     "hc_estimator/hc_estimator/stream/channel_checks.py",
     "hc_estimator/hc_estimator/stream/friction_checks.py",
+    "hc_estimator/hc_estimator/stream/tool_motion_checks.py",
     "hc_estimator/hc_estimator/stream/both_channels.py",
     "hc_estimator/hc_estimator/stream/range_checks.py",
     "hc_estimator/hc_estimator/stream/stamp_checks.py",

@@ -19,6 +19,13 @@ LEAST = 3
 """Readings on either side, however seldom they come."""
 LONGEST_NS = 400_000_000
 """Of a longer time no motion is known."""
+SPIKE = 20.0
+"""Times what a reading usually is off the line between its neighbours: one that says another place
+for an instant."""
+SHOW_SPIKE = 2
+"""Readings after one, which show it."""
+_WEIGHT = 0.02
+"""Of a reading, in the mean of how far they usually are off."""
 _ROWS = 8192
 _HALF_S = 1e-9 * HALF_NS
 UNKNOWN = (math.nan, math.nan)
@@ -30,11 +37,13 @@ class LocalCubic:
     def __init__(self) -> None:
         self._stamps = np.zeros(_ROWS, np.int64)
         self._places = np.zeros(_ROWS)
-        self._first = self._end = 0
+        self.clear()
 
     def clear(self) -> None:
         """Forget all readings."""
         self._first = self._end = 0
+        self._usual_mm = 0.0
+        self._off_mm = (0.0, 0.0)  # of the last reading but two, and but one
 
     def add(self, stamp_ns: int, place_mm: float) -> None:
         """Take in a finite place [mm]; one that is not later than the last says nothing new."""
@@ -45,17 +54,43 @@ class LocalCubic:
             for column in (self._stamps, self._places):
                 column[:kept] = column[self._end - kept : self._end]
             self._first, self._end = 0, kept
+        self._leave_spike_out(stamp_ns, place_mm)
         self._stamps[self._end] = stamp_ns
         self._places[self._end] = place_mm
         self._end += 1
 
+    def _leave_spike_out(self, stamp_ns: int, place_mm: float) -> None:
+        """Leave out the last reading but one if it is one, as those after it show."""
+        off_mm, most_mm = self._off_line(stamp_ns, place_mm), SPIKE * self._usual_mm
+        before_mm, spike_mm = self._off_mm
+        if most_mm and spike_mm > most_mm and spike_mm >= max(before_mm, off_mm):
+            last = self._end - 1
+            for column in (self._stamps, self._places):
+                column[last - 1] = column[last]
+            self._end, spike_mm = last, 0.0
+            off_mm = self._off_line(stamp_ns, place_mm)
+        more_mm = min(off_mm, most_mm) if most_mm else off_mm
+        self._usual_mm += (_WEIGHT if most_mm else 1.0) * (more_mm - self._usual_mm)
+        self._off_mm = (spike_mm, off_mm)
+
+    def _off_line(self, stamp_ns: int, place_mm: float) -> float:
+        """Return how far the last reading is off the line between the one before and this one."""
+        last = self._end - 1
+        if last <= self._first:
+            return 0.0
+        before_ns, last_ns = self._stamps[last - 1 : last + 1].tolist()
+        before_mm, last_mm = self._places[last - 1 : last + 1].tolist()
+        share = (last_ns - before_ns) / (stamp_ns - before_ns)
+        return float(abs(last_mm - before_mm - share * (place_mm - before_mm)))
+
     def reaches(self, stamp_ns: int) -> bool:
-        """Whether the readings after a stamp are there."""
-        last = self._end - LEAST
+        """Whether the readings after a stamp are there, and it is known which are spikes."""
+        last = self._end - 1 - SHOW_SPIKE
+        enough = last - LEAST + 1
         return (
-            last >= self._first
-            and bool(self._stamps[last] > stamp_ns)
-            and bool(self._stamps[self._end - 1] >= stamp_ns + HALF_NS)
+            enough >= self._first
+            and bool(self._stamps[enough] > stamp_ns)
+            and bool(self._stamps[last] >= stamp_ns + HALF_NS)
         )
 
     def motion_at(self, stamp_ns: int) -> tuple[float, float]:
@@ -89,3 +124,15 @@ def _derivatives(time: FloatArray, place: FloatArray) -> tuple[float, float]:
     slope_3 = shift_1 * middle - weight_1 - shift_2 * slope_2 - weight_2
     velocity = part_1 + part_2 * slope_2 + part_3 * slope_3
     return velocity, 2.0 * (part_2 + part_3 * (slope_2 - shift_2))
+
+
+def less_spikes(time_s: FloatArray, places: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the readings of a whole recording without spikes, shape (n,) each."""
+    share = (time_s[1:-1] - time_s[:-2]) / (time_s[2:] - time_s[:-2])
+    line = places[:-2] + share * (places[2:] - places[:-2])
+    off = np.zeros(len(places))
+    off[1:-1] = np.abs(places[1:-1] - line)
+    beside = np.maximum(np.append(off[1:], 0.0), np.append(0.0, off[:-1]))
+    usual = float(np.median(off))
+    kept = (off <= SPIKE * usual) | (off < beside) if usual else np.ones(len(off), np.bool_)
+    return time_s[kept], places[kept]

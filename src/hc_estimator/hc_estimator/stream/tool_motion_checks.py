@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator.stream.free_motion import BINS, FLAT_SHARE, RISE_SHARE, in_bins
-from hc_estimator.stream.local_cubic import HALF_NS, LEAST
+from hc_estimator.stream.local_cubic import HALF_NS, LEAST, less_spikes
 from hc_estimator.stream.readings import (
     LEAST_SAMPLES,
     Check,
@@ -101,12 +101,14 @@ class _Motion(NamedTuple):
 
     Attributes:
         even_s: times [s].
+        place: penetration, spikes left out [mm].
         speed: velocity [mm/s].
         acceleration: [mm/s^2].
         speed_noise: standard deviation of the velocity [mm/s].
     """
 
     even_s: FloatArray
+    place: FloatArray
     speed: FloatArray
     acceleration: FloatArray
     speed_noise: float
@@ -197,10 +199,9 @@ def less_motion(found: FoundMotion, displacement: Readings, force: Readings) -> 
     motion = _motion(displacement)
     yield
     assert motion is not None  # or nothing would have been found
-    even_s, speed, acceleration, _ = motion
-    speed = np.interp(force.time_s, even_s, speed)
+    speed = np.interp(force.time_s, motion.even_s, motion.speed)
     yield
-    acceleration = np.interp(force.time_s, even_s, acceleration)
+    acceleration = np.interp(force.time_s, motion.even_s, motion.acceleration)
     newtons = force.values - found.damping * speed - TONNES * found.mass_kg * acceleration
     known = np.isfinite(newtons)
     return force._replace(time_s=force.time_s[known], values=newtons[known])
@@ -212,16 +213,12 @@ def _moving(displacement: Readings, force: Readings) -> Parts[_Rows | None]:
     yield
     if motion is None:
         return None
-    even_s, speed, acceleration, _ = motion
+    even_s = motion.even_s
     inside = (force.time_s >= even_s[0]) & (force.time_s <= even_s[-1])
     time_s, newtons = force.time_s[inside], force.values[inside]
     columns = []
-    for at_s, values in (
-        (displacement.time_s, displacement.values),
-        (even_s, speed),
-        (even_s, acceleration),
-    ):
-        columns.append(np.interp(time_s, at_s, values))
+    for values in (motion.place, motion.speed, motion.acceleration):
+        columns.append(np.interp(time_s, even_s, values))
         yield
     depth, speed, acceleration = columns
     moves = np.isfinite(speed) & np.isfinite(acceleration)
@@ -241,11 +238,11 @@ def _motion(displacement: Readings) -> _Motion | None:
     By the cubic of `LocalCubic`, which for even times is a filter.
     """
     time_s = displacement.time_s[-MOST_ROWS:]
-    places = displacement.values[-MOST_ROWS:]
     steps = np.diff(time_s)
     step_s = float(np.median(steps)) if len(steps) else 0.0
     if not (step_s > 0.0 and (steps > 0.0).all()):
         return None
+    time_s, places = less_spikes(time_s, displacement.values[-MOST_ROWS:])
     count = round(float(time_s[-1] - time_s[0]) / step_s) + 1
     half = max(round(HALF_NS / NANOSECONDS / step_s), LEAST)
     if count > 4 * len(time_s) or count < 8 * half:
@@ -264,7 +261,7 @@ def _motion(displacement: Readings) -> _Motion | None:
         for weights in (slope, curve)
     )
     deviation = noise(places) * math.sqrt(float(np.sum(slope**2)))
-    return _Motion(even_s, speed, acceleration, deviation)
+    return _Motion(even_s, even, speed, acceleration, deviation)
 
 
 def _air(
