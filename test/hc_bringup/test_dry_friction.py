@@ -13,7 +13,8 @@ from rclpy.serialization import serialize_message
 from hc_bringup import recording_input
 from hc_bringup.cli import main
 from hc_bringup.commands.doctor import _of_one_message, apply
-from hc_bringup.diagnosis import Finding, diagnose
+from hc_bringup.diagnosis import diagnose
+from hc_bringup.finding import Finding
 from hc_estimator.stream.dry_friction import TAKEN_OFF_ALREADY, DryFriction
 from hc_logger.writer import BagWriter
 from hc_msgs_py.units import set_stamp

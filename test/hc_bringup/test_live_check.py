@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from hc_bringup import live_check
-from hc_bringup.diagnosis import Finding
 from hc_bringup.errors import UserError
+from hc_bringup.finding import Finding
 from hc_msgs_py.background import STARTING
 from hc_msgs_py.wire_arrays import SamplesEncoder
 

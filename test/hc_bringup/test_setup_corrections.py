@@ -7,8 +7,9 @@ import pytest
 
 from hc_bringup import diagnosis
 from hc_bringup.commands import setup
-from hc_bringup.diagnosis import Diagnosis, Finding
+from hc_bringup.diagnosis import Diagnosis
 from hc_bringup.errors import UserError
+from hc_bringup.finding import Finding
 from hc_bringup.guided_setup import Recorded
 from hc_estimator.ros.node_settings import NODE_SETTINGS
 from hc_estimator.stream import sensor_setup

@@ -15,7 +15,8 @@ from rclpy.serialization import serialize_message
 from hc_bringup import recording_input
 from hc_bringup.cli import main
 from hc_bringup.commands.doctor import _of_one_message, _of_samples, apply
-from hc_bringup.diagnosis import Finding, diagnose
+from hc_bringup.diagnosis import diagnose
+from hc_bringup.finding import Finding
 from hc_bringup.robot_files import write_files
 from hc_bringup.robot_streams import Stream
 from hc_estimator.stream.sensor_setup import SensorProposal, SetupProposal

@@ -9,18 +9,15 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Collection
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
+from hc_bringup.channel_findings import at_all_places, between_channels
+from hc_bringup.finding import DISTURBED_SHARE, SYMBOLS, Finding, cost_of
 from hc_bringup.force_error import dishonest_line
 from hc_bringup.held_tool import relaxing_line
-from hc_bringup.other_damping import damping_at_every_depth
-from hc_bringup.place_delay import MOST_NOISES, Delay, delay_between_places
-from hc_bringup.terminal.numbers import rounded
-from hc_bringup.treated_samples import FORCE_LIMIT, Estimated, FloatArray, Samples
-from hc_bringup.two_clocks import delay_that_grows
+from hc_bringup.treated_samples import FORCE_LIMIT, MOTION, Estimated, FloatArray, Samples
 from hc_estimator import PARAMETER_NAMES, Rejection
 from hc_estimator.stream.readings import (
     LEAST_SAMPLES,
@@ -28,17 +25,16 @@ from hc_estimator.stream.readings import (
     moves,
     noise,
     robust_range,
+    usable,
+    whole,
 )
 from hc_estimator.stream.sanity import check_samples
-from hc_estimator.stream.vocabulary import CHANNEL_DELAY
-from hc_evaluation.channels import CLEAR, diagnose_channels, evenly_spaced, unbroken
+from hc_estimator.stream.tool_motion_checks import find_tool_motion
 from hc_evaluation.forecast import Forecast, forecast
 
 MOST_REMEDIES = 5
 NOISE_ALONE = 6.5
 """The range (99 %) of white noise is 5.2 times its deviation."""
-CLEAR_DELAY_S = 0.002
-"""A delay below this changes B by less than anybody tells."""
 SPOILT = (
     Check.TIMES,
     Check.SATURATION,
@@ -49,31 +45,11 @@ SPOILT = (
 )
 """What the law would be bent to fit, so that it invents delays and zeros, if no number mends it."""
 _UNKNOWN = "cannot be said, and neither can delay and zeros, until it is put right"
-DISTURBED_SHARE = 0.05
 UNSURE_SHARE = 0.05
 """Of K: what the place of the surface may leave open without a word."""
-SYMBOLS = "KBnp"
 OUT_OF_RANGE = Rejection.OUT_OF_RANGE.name.lower()
 CONTACT_STD = "contact_position_std"
 """The estimator's setting that says how well the surface is known."""
-_LONGEST = 20_000
-"""Samples that the slow comparison of the channels gets."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing that is wrong.
-
-    Attributes:
-        what: in a sentence.
-        settings: input settings that put it right, by name below `input.`; empty if none does.
-            CONTACT_STD, FORCE_LIMIT and CHANNEL_DELAY among them are the estimator's own.
-        cost: what it changes in K, B, n, p, in words; empty where that is not known.
-    """
-
-    what: str
-    settings: dict[str, Any] = field(default_factory=dict)
-    cost: str = ""
 
 
 @dataclass(frozen=True)
@@ -128,6 +104,34 @@ def diagnose(
     untouched = _too_few(samples) or _touches_nothing(samples)
     if untouched is not None:
         return Diagnosis((untouched,), None, (), 0.0)
+    aligned = dataclasses.replace(samples)
+    found = _judged(samples, force_limit_n, counted_once)
+    offset = next((f for f in found.findings if _offset_s(f)), None)
+    if offset is None:
+        return found
+    # Mass and drag are those of the motion at a force's own time.
+    aligned.shift_force(_offset_s(offset))
+    if not any(name in finding.settings for finding in found.findings for name in MOTION.values()):
+        channels = ("displacement", "mm", aligned.displacement_mm), ("force", "N", aligned.force_n)
+        readings = (usable(name, unit, aligned.time_s, c) for name, unit, c in channels)
+        if whole(find_tool_motion(*readings)) is None:
+            return found
+    again = _judged(aligned, force_limit_n, counted_once)
+    return dataclasses.replace(again, findings=(offset, *again.findings))
+
+
+def _offset_s(finding: Finding) -> float:
+    """Return what a finding adds to the stamps of the force against those of the position [s]."""
+    of_force, of_position = (
+        float(finding.settings.get(f"{channel}.time_offset", 0.0))
+        for channel in ("force", "position")
+    )
+    return of_force - of_position
+
+
+def _judged(samples: Samples, force_limit_n: float, counted_once: Collection[str]) -> Diagnosis:
+    """Judge readings, and put them right as far as that can be done."""
+    surface_std_mm = samples.surface_std_mm
     findings: list[Finding] = []
     treated: set[tuple[Check, str, float, float]] = set()
     spoilt = False
@@ -153,14 +157,14 @@ def diagnose(
         mended = bool(settings) or doubt.check is Check.ZERO_STEP
         after = samples.estimate() if mended else before
         spoilt = spoilt or (doubt.check in SPOILT and not settings)
-        cost = _cost(before, after, mended)
+        cost = cost_of(before, after, mended)
         findings.append(Finding(doubt.sentence, settings, cost or (_UNKNOWN if spoilt else "")))
         before = after
     after = before
     if not (spoilt or samples.limits):  # a force that goes no further looks late
-        findings += _between_channels(samples, before)
+        findings += between_channels(samples, before)
         after = samples.estimate()
-        late = _at_all_places(samples, after, findings)
+        late = at_all_places(samples, after, findings)
         if late:
             findings += late
             after = samples.estimate()
@@ -241,94 +245,6 @@ def _touches_nothing(samples: Samples) -> Finding | None:
     )
 
 
-def _between_channels(samples: Samples, before: Estimated | None) -> list[Finding]:
-    """Look for a delay, and for zeros that the checks cannot see."""
-    try:
-        even = evenly_spaced(*unbroken(samples.time_s, samples.displacement_mm, samples.force_n))
-        if not (moves(even[1]) and moves(even[2])):
-            return []
-        time_s, displacement_mm, force_n = (c[-_LONGEST:] for c in even)
-        found = diagnose_channels(time_s, displacement_mm, force_n)
-    except ValueError:
-        return []  # too little to compare, which the estimate says as well
-    findings = []
-    faults = found.clear_faults
-    if faults or found.residual_rms_without_n > MOST_NOISES * found.noise_n:
-        instead = damping_at_every_depth((time_s, displacement_mm, force_n), found)
-        if instead.far_better:
-            return [Finding(instead.words)]
-        findings += [Finding(instead.words)] if instead.words else []
-    left_s = found.delay_s - samples.known_delay_s
-    if "delay" in faults and abs(left_s) > max(CLEAR_DELAY_S, CLEAR * found.delay_std_s):
-        drifts = delay_that_grows(even, _LONGEST, found.delay_s, found.delay_std_s)
-        if drifts:
-            return [Finding(drifts)]
-        late = "force" if left_s > 0.0 else "position"
-        what = Delay(left_s, found.delay_std_s, 1).late
-        settings: dict[str, Any] = {f"{late}.time_offset": -round(abs(left_s), 4)}
-        samples.shift_force(-left_s)
-        after = samples.estimate()
-        findings.append(Finding(what, settings, _cost(before, after, True)))
-        before = after
-    for name, key, value, deviation, unit in (
-        ("zero", "force.zero", found.zero_n, found.zero_std_n, "N"),
-        ("contact", "position.zero", found.contact_mm, found.contact_std_mm, "mm"),
-    ):
-        if name not in faults:
-            continue
-        moved = dataclasses.replace(samples)
-        if name == "zero":
-            what = f"the force's zero seems to be off by {value:.3g} ± {deviation:.2g} {unit}"
-            moved.force_n = samples.force_n - value
-        else:
-            what = f"contact seems to begin at {value:.3g} ± {deviation:.2g} {unit}, not at 0"
-            moved.displacement_mm = samples.displacement_mm - value
-            moved.surface_std_mm = deviation
-        after = moved.estimate()
-        if _fits_worse(before, after):
-            continue  # one law was bent over tissue that varies: no zero is off
-        samples.displacement_mm, samples.force_n = moved.displacement_mm, moved.force_n
-        samples.surface_std_mm = moved.surface_std_mm
-        findings.append(Finding(what, {key: rounded(value, 4)}, _cost(before, after, True)))
-        before = after
-    fits = found.residual_rms_n < MOST_NOISES * found.noise_n
-    at_zero = abs(found.contact_mm) < 3.0 * found.contact_std_mm
-    if samples.surface_std_mm > 0.0 and fits and at_zero:
-        known_mm = float(np.hypot(found.contact_mm, found.contact_std_mm))
-        samples.surface_std_mm = min(samples.surface_std_mm, known_mm)
-    return findings
-
-
-def _at_all_places(
-    samples: Samples, before: Estimated | None, findings: list[Finding]
-) -> list[Finding]:
-    """Look for a delay where the law does not fit, for several places may have been pressed."""
-    known = any("time_offset" in str(f.settings) or "two clocks" in f.what for f in findings)
-    if before is None or before.mismatch <= DISTURBED_SHARE or known:
-        return []
-    delay = delay_between_places(samples.time_s, samples.displacement_mm, samples.force_n)
-    if delay is None:
-        return []
-    off_s = abs(delay.seconds - samples.known_delay_s)
-    if off_s <= max(CLEAR_DELAY_S, CLEAR * delay.deviation_s):
-        return []
-    aligned = dataclasses.replace(samples, channel_delay=round(delay.seconds, 4) + 0.0)
-    after = aligned.estimate()
-    if _fits_worse(before, after):
-        return []
-    samples.channel_delay = aligned.channel_delay
-    what = f"{delay.late}, at {delay.places} places that were pressed one after another"
-    settings = {CHANNEL_DELAY: aligned.channel_delay}
-    return [Finding(what, settings, _cost(before, after, True))]
-
-
-def _fits_worse(before: Estimated | None, after: Estimated | None) -> bool:
-    """Whether a change makes the law fit less of the contact: then it puts nothing right."""
-    if before is None:
-        return False
-    return after is None or after.mismatch > before.mismatch + DISTURBED_SHARE
-
-
 def _surface(estimated: Estimated, sure: Estimated, surface_std_mm: float) -> list[Finding]:
     """Say so where K is uncertain for nothing but the place of the surface."""
     share = estimated.deviations[0] / abs(estimated.parameters[0])
@@ -351,23 +267,6 @@ def _refusals(estimated: Estimated | None, count: int, but: str) -> list[Finding
         Finding(f"{n} of {count} samples are refused ({reason.replace('_', ' ')})")
         for reason, n in refused.items()
     ]
-
-
-def _cost(before: Estimated | None, after: Estimated | None, treated: bool) -> str:
-    """Say how the parameters change when a fault is put right."""
-    if not treated or after is None:
-        return ""
-    if before is None:
-        return "nothing was known; with it " + ", ".join(
-            f"{s} = {v:.3g}" for s, v in zip(SYMBOLS, after.parameters, strict=True)
-        )
-    changes = []
-    for symbol, old, new, deviation in zip(
-        SYMBOLS, before.parameters, after.parameters, after.deviations, strict=True
-    ):
-        if abs(new - old) > max(deviation, 0.01 * abs(new)):
-            changes.append(f"{symbol} was {old:.3g}, is {new:.3g}")
-    return "; ".join(changes) or "little: no parameter changes by more than its deviation"
 
 
 def estimate_lines(diagnosis: Diagnosis) -> list[str]:

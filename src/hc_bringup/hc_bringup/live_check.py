@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_bringup import heartbeat
-from hc_bringup.diagnosis import Finding
 from hc_bringup.errors import FAILURE, UserError
+from hc_bringup.finding import Finding
 from hc_bringup.graph import Graph
 from hc_bringup.phrases import left_of
 from hc_bringup.place_delay import delay_setting

@@ -280,7 +280,7 @@ def _with_delay(recording: Any, found: TareResult) -> tuple[TareResult, str]:
         recording: as it was read.
         found: its surface, as of channels in step.
     """
-    from hc_bringup.diagnosis import CLEAR_DELAY_S
+    from hc_bringup.channel_findings import CLEAR_DELAY_S
     from hc_bringup.place_delay import Delay
     from hc_estimator.stream.surface import find_surface
     from hc_estimator.stream.together import together

@@ -44,7 +44,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; status 1 where something is wrong."""
-    from hc_bringup.diagnosis import Finding, diagnose
+    from hc_bringup.diagnosis import diagnose
+    from hc_bringup.finding import Finding
     from hc_bringup.live_check import listen, said_once, too_short_wait
     from hc_bringup.read_otherwise import settings_that_repeat
     from hc_bringup.reading_changes import (

@@ -186,13 +186,13 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
     _refuse_counts(found)
     if FORCE_LIMIT in corrections:
         found = found._replace(force_limit=corrections[FORCE_LIMIT])
-    found = found._replace(
-        mechanics={
-            name.removeprefix("force."): corrections[name]
-            for name in (*FRICTION, *MOTION)
-            if name in corrections
-        }
-    )
+    mechanics = {
+        name.removeprefix("force."): corrections[name]
+        for name in (*FRICTION, *MOTION)
+        if name in corrections
+    }
+    if mechanics:
+        found = found._replace(mechanics=mechanics)
     effort = recorded.force.kind == "effort"
     _tell(recorded.force, found.force, "N")
     _tell(recorded.position, found.position, "mm")

@@ -1,0 +1,104 @@
+"""A delay between the channels, and zeros that no check of the readings sees: by the law itself."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from hc_bringup.finding import DISTURBED_SHARE, Finding, cost_of, fits_worse
+from hc_bringup.other_damping import damping_at_every_depth
+from hc_bringup.place_delay import MOST_NOISES, Delay, delay_between_places
+from hc_bringup.terminal.numbers import rounded
+from hc_bringup.treated_samples import Estimated, Samples
+from hc_bringup.two_clocks import delay_that_grows
+from hc_estimator.stream.readings import moves
+from hc_estimator.stream.vocabulary import CHANNEL_DELAY
+from hc_evaluation.channels import CLEAR, diagnose_channels, evenly_spaced, unbroken
+
+CLEAR_DELAY_S = 0.002
+"""A delay below this changes B by less than anybody tells."""
+_LONGEST = 20_000
+"""Samples that the slow comparison of the channels gets."""
+
+
+def between_channels(samples: Samples, before: Estimated | None) -> list[Finding]:
+    """Look for a delay, and for zeros that the checks cannot see."""
+    try:
+        even = evenly_spaced(*unbroken(samples.time_s, samples.displacement_mm, samples.force_n))
+        if not (moves(even[1]) and moves(even[2])):
+            return []
+        time_s, displacement_mm, force_n = (c[-_LONGEST:] for c in even)
+        found = diagnose_channels(time_s, displacement_mm, force_n)
+    except ValueError:
+        return []  # too little to compare, which the estimate says as well
+    findings = []
+    faults = found.clear_faults
+    if faults or found.residual_rms_without_n > MOST_NOISES * found.noise_n:
+        instead = damping_at_every_depth((time_s, displacement_mm, force_n), found)
+        if instead.far_better:
+            return [Finding(instead.words)]
+        findings += [Finding(instead.words)] if instead.words else []
+    left_s = found.delay_s - samples.known_delay_s
+    if "delay" in faults and abs(left_s) > max(CLEAR_DELAY_S, CLEAR * found.delay_std_s):
+        drifts = delay_that_grows(even, _LONGEST, found.delay_s, found.delay_std_s)
+        if drifts:
+            return [Finding(drifts)]
+        late = "force" if left_s > 0.0 else "position"
+        what = Delay(left_s, found.delay_std_s, 1).late
+        settings: dict[str, Any] = {f"{late}.time_offset": -round(abs(left_s), 4)}
+        samples.shift_force(-left_s)
+        after = samples.estimate()
+        findings.append(Finding(what, settings, cost_of(before, after, True)))
+        before = after
+    for name, key, value, deviation, unit in (
+        ("zero", "force.zero", found.zero_n, found.zero_std_n, "N"),
+        ("contact", "position.zero", found.contact_mm, found.contact_std_mm, "mm"),
+    ):
+        if name not in faults:
+            continue
+        moved = dataclasses.replace(samples)
+        if name == "zero":
+            what = f"the force's zero seems to be off by {value:.3g} ± {deviation:.2g} {unit}"
+            moved.force_n = samples.force_n - value
+        else:
+            what = f"contact seems to begin at {value:.3g} ± {deviation:.2g} {unit}, not at 0"
+            moved.displacement_mm = samples.displacement_mm - value
+            moved.surface_std_mm = deviation
+        after = moved.estimate()
+        if fits_worse(before, after):
+            continue  # one law was bent over tissue that varies: no zero is off
+        samples.displacement_mm, samples.force_n = moved.displacement_mm, moved.force_n
+        samples.surface_std_mm = moved.surface_std_mm
+        findings.append(Finding(what, {key: rounded(value, 4)}, cost_of(before, after, True)))
+        before = after
+    fits = found.residual_rms_n < MOST_NOISES * found.noise_n
+    at_zero = abs(found.contact_mm) < 3.0 * found.contact_std_mm
+    if samples.surface_std_mm > 0.0 and fits and at_zero:
+        known_mm = float(np.hypot(found.contact_mm, found.contact_std_mm))
+        samples.surface_std_mm = min(samples.surface_std_mm, known_mm)
+    return findings
+
+
+def at_all_places(
+    samples: Samples, before: Estimated | None, findings: list[Finding]
+) -> list[Finding]:
+    """Look for a delay where the law does not fit, for several places may have been pressed."""
+    known = any("time_offset" in str(f.settings) or "two clocks" in f.what for f in findings)
+    if before is None or before.mismatch <= DISTURBED_SHARE or known:
+        return []
+    delay = delay_between_places(samples.time_s, samples.displacement_mm, samples.force_n)
+    if delay is None:
+        return []
+    off_s = abs(delay.seconds - samples.known_delay_s)
+    if off_s <= max(CLEAR_DELAY_S, CLEAR * delay.deviation_s):
+        return []
+    aligned = dataclasses.replace(samples, channel_delay=round(delay.seconds, 4) + 0.0)
+    after = aligned.estimate()
+    if fits_worse(before, after):
+        return []
+    samples.channel_delay = aligned.channel_delay
+    what = f"{delay.late}, at {delay.places} places that were pressed one after another"
+    settings = {CHANNEL_DELAY: aligned.channel_delay}
+    return [Finding(what, settings, cost_of(before, after, True))]
