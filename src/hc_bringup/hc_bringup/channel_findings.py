@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 
@@ -31,8 +30,8 @@ def between_channels(samples: Samples, before: Estimated | None) -> list[Finding
             return []
         time_s, displacement_mm, force_n = (c[-_LONGEST:] for c in even)
         found = diagnose_channels(time_s, displacement_mm, force_n)
-    except ValueError:
-        return []  # too little to compare, which the estimate says as well
+    except ValueError:  # too little to compare, or gaps on purpose: the filter sees a delay, too
+        return _by_the_filter(samples, before) if samples.left_out else []
     findings = []
     faults = found.clear_faults
     if faults or found.residual_rms_without_n > MOST_NOISES * found.noise_n:
@@ -45,13 +44,8 @@ def between_channels(samples: Samples, before: Estimated | None) -> list[Finding
         drifts = delay_that_grows(even, _LONGEST, found.delay_s, found.delay_std_s)
         if drifts:
             return [Finding(drifts)]
-        late = "force" if left_s > 0.0 else "position"
-        what = Delay(left_s, found.delay_std_s, 1).late
-        settings: dict[str, Any] = {f"{late}.time_offset": -round(abs(left_s), 4)}
-        samples.shift_force(-left_s)
-        after = samples.estimate()
-        findings.append(Finding(what, settings, cost_of(before, after, True)))
-        before = after
+        finding, before = _delayed(samples, before, left_s, found.delay_std_s)
+        findings.append(finding)
     for name, key, value, deviation, unit in (
         ("zero", "force.zero", found.zero_n, found.zero_std_n, "N"),
         ("contact", "position.zero", found.contact_mm, found.contact_std_mm, "mm"),
@@ -79,6 +73,28 @@ def between_channels(samples: Samples, before: Estimated | None) -> list[Finding
         known_mm = float(np.hypot(found.contact_mm, found.contact_std_mm))
         samples.surface_std_mm = min(samples.surface_std_mm, known_mm)
     return findings
+
+
+def _delayed(
+    samples: Samples, before: Estimated | None, left_s: float, deviation_s: float
+) -> tuple[Finding, Estimated | None]:
+    """Let the force be so much earlier [s]; return what was found, and the estimate then."""
+    late = "force" if left_s > 0.0 else "position"
+    settings = {f"{late}.time_offset": -round(abs(left_s), 4)}
+    samples.shift_force(-left_s)
+    after = samples.estimate()
+    cost = cost_of(before, after, True)
+    return Finding(Delay(left_s, deviation_s, 1).late, settings, cost), after
+
+
+def _by_the_filter(samples: Samples, before: Estimated | None) -> list[Finding]:
+    """Say what delay the filter found, if it is one."""
+    if before is None:
+        return []
+    left_s = before.delay_s - samples.known_delay_s
+    if abs(left_s) <= max(CLEAR_DELAY_S, CLEAR * before.delay_std_s):
+        return []
+    return [_delayed(samples, before, left_s, before.delay_std_s)[0]]
 
 
 def at_all_places(

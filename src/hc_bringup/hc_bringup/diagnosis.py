@@ -33,6 +33,8 @@ from hc_estimator.stream.tool_motion_checks import find_tool_motion
 from hc_evaluation.forecast import Forecast, forecast
 
 MOST_REMEDIES = 5
+MOVES_WITH = (*MOTION.values(), "force.dry_friction")
+"""What is taken off by the motion."""
 NOISE_ALONE = 6.5
 """The range (99 %) of white noise is 5.2 times its deviation."""
 SPOILT = (
@@ -109,9 +111,9 @@ def diagnose(
     offset = next((f for f in found.findings if _offset_s(f)), None)
     if offset is None:
         return found
-    # Mass and drag are those of the motion at a force's own time.
+    # Mass, drag and friction are those of the motion at a force's own time.
     aligned.shift_force(_offset_s(offset))
-    if not any(name in finding.settings for finding in found.findings for name in MOTION.values()):
+    if not any(name in finding.settings for finding in found.findings for name in MOVES_WITH):
         channels = ("displacement", "mm", aligned.displacement_mm), ("force", "N", aligned.force_n)
         readings = (usable(name, unit, aligned.time_s, c) for name, unit, c in channels)
         if whole(find_tool_motion(*readings)) is None:

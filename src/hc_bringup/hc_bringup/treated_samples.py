@@ -46,6 +46,8 @@ class Estimated:
         mismatch: share of the samples in which the law did not fit.
         rejected: refused samples by reason.
         nis: mean normalised innovation squared of what is settled, ideally 2.
+        delay_s: by how much the force is late in the end [s].
+        delay_std_s: its standard deviation [s].
     """
 
     parameters: FloatArray
@@ -56,6 +58,8 @@ class Estimated:
     mismatch: float
     rejected: dict[str, int]
     nis: float
+    delay_s: float
+    delay_std_s: float
 
 
 @dataclass
@@ -256,4 +260,6 @@ class Samples:
             float(np.mean(series.model_mismatch[touched])),
             {Rejection(c).name.lower(): int(n) for c, n in zip(codes, counts, strict=True)},
             float(np.mean(of_two_readings(series.nis, series.innovation)[counted])),
+            last.channel_delay,
+            last.channel_delay_std,
         )
