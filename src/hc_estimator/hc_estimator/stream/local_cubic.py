@@ -15,7 +15,7 @@ from hc_estimator.stream.readings import FloatArray
 HALF_NS = 20_000_000
 """Half of the time that the cubic is of. Of a motion of 5 Hz it misses 3 % of the acceleration;
 white noise of 3 um at 1 kHz becomes 8 mm/s^2."""
-LEAST = 3
+LEAST = 2
 """Readings on either side, however seldom they come."""
 LONGEST_NS = 400_000_000
 """Of a longer time no motion is known."""
