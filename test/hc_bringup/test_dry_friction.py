@@ -1,23 +1,17 @@
 """Friction of a cannula in a recording: it is named, with its cost, and taken off as is said."""
 
-import argparse
 import json
 import re
 
 import numpy as np
 import pytest
-from hc_msgs.msg import EstimatorConfiguration, IndenterSample
-from rclpy.parameter import Parameter
-from rclpy.serialization import serialize_message
+from recordings_less import loaded, write_bag, write_table
 
-from hc_bringup import recording_input
 from hc_bringup.cli import main
 from hc_bringup.commands.doctor import _of_one_message, apply
 from hc_bringup.diagnosis import diagnose
 from hc_bringup.finding import Finding
-from hc_estimator.stream.dry_friction import TAKEN_OFF_ALREADY, DryFriction
-from hc_logger.writer import BagWriter
-from hc_msgs_py.units import set_stamp
+from hc_estimator.stream.dry_friction import DRY_FRICTION, DryFriction
 
 FRICTION_N, PRESLIDING_MM = 0.3, 0.05
 K = 0.4
@@ -41,17 +35,7 @@ def presses(seed=1, count=12000, rate_hz=1000.0, zero_n=0.0):
 
 @pytest.fixture
 def table(tmp_path):
-    path = tmp_path / "cannula.csv"
-    rows = np.column_stack(presses())
-    np.savetxt(path, rows, delimiter=",", header="time_s,displacement_mm,force_N", comments="")
-    return path
-
-
-def loaded(path, *settings):
-    parser = argparse.ArgumentParser()
-    recording_input.add_options(parser)
-    words = [word for setting in settings for word in ("--input", setting)]
-    return recording_input.load(parser.parse_args([str(path), *words]))
+    return write_table(tmp_path / "cannula.csv", presses())
 
 
 def test_the_doctor_names_it_and_what_it_cost(table, capsys):
@@ -144,15 +128,6 @@ def test_what_cannot_be_is_one_line(table, capsys, settings, says):
 
 def test_what_the_node_took_off_already_is_said(tmp_path):
     path = tmp_path / "run"
-    with BagWriter(path) as writer:
-        sample = writer.add_topic("/indenter/sample", "hc_msgs/msg/IndenterSample")
-        told = writer.add_topic("/hc/configuration", "hc_msgs/msg/EstimatorConfiguration")
-        configuration = EstimatorConfiguration(revision=1, software_version="now")
-        configuration.parameters = [Parameter(TAKEN_OFF_ALREADY, value=0.2).to_parameter_msg()]
-        writer.write(told, 1, serialize_message(configuration))
-        for k, (time_s, depth, force) in enumerate(zip(*presses(count=2000), strict=True)):
-            message = IndenterSample(sequence=k, displacement=depth * 1e-3, force=force)
-            set_stamp(message.header.stamp, round(time_s * 1e9))
-            writer.write(sample, 1, serialize_message(message))
+    write_bag(path, DRY_FRICTION.name, 0.2, presses(count=2000))
     notes = loaded(path, "force.dry_friction=0.1").findings.notes
     assert "its samples are recorded less 0.2 N already: 0.3 N in all" in notes

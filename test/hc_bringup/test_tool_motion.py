@@ -1,18 +1,14 @@
 """A mass and a drag between sensor and tissue, in a recording: named, with cost, and taken off."""
 
-import argparse
 import json
 import re
 
 import numpy as np
 import pytest
 import yaml
-from hc_msgs.msg import EstimatorConfiguration, IndenterSample
 from presses_from_air import presses
-from rclpy.parameter import Parameter
-from rclpy.serialization import serialize_message
+from recordings_less import loaded, write_bag, write_table
 
-from hc_bringup import recording_input
 from hc_bringup.cli import main
 from hc_bringup.commands.doctor import _of_one_message, _of_samples, apply
 from hc_bringup.diagnosis import diagnose
@@ -21,9 +17,6 @@ from hc_bringup.robot_files import write_files
 from hc_bringup.robot_streams import Stream
 from hc_estimator.stream.sensor_setup import SensorProposal, SetupProposal
 from hc_estimator.stream.tool_motion import MOVING_MASS, ToolMotion
-from hc_estimator.stream.vocabulary import recorded_less
-from hc_logger.writer import BagWriter
-from hc_msgs_py.units import set_stamp
 
 K = 0.4
 BOTH = {"force.moving_mass": 0.3, "force.damping": 0.01}
@@ -31,17 +24,7 @@ BOTH = {"force.moving_mass": 0.3, "force.damping": 0.01}
 
 @pytest.fixture
 def table(tmp_path):
-    path = tmp_path / "moved.csv"
-    rows = np.column_stack(presses())
-    np.savetxt(path, rows, delimiter=",", header="time_s,displacement_mm,force_N", comments="")
-    return path
-
-
-def loaded(path, *settings):
-    parser = argparse.ArgumentParser()
-    recording_input.add_options(parser)
-    words = [word for setting in settings for word in ("--input", setting)]
-    return recording_input.load(parser.parse_args([str(path), *words]))
+    return write_table(tmp_path / "moved.csv", presses())
 
 
 def test_the_doctor_names_both_and_what_they_cost(table, capsys):
@@ -138,17 +121,7 @@ def test_what_cannot_be_is_one_line(table, capsys, setting, says):
 
 def test_what_the_node_took_off_already_is_said(tmp_path):
     path = tmp_path / "run"
-    with BagWriter(path) as writer:
-        sample = writer.add_topic("/indenter/sample", "hc_msgs/msg/IndenterSample")
-        told = writer.add_topic("/hc/configuration", "hc_msgs/msg/EstimatorConfiguration")
-        configuration = EstimatorConfiguration(revision=1, software_version="now")
-        already = Parameter(recorded_less(MOVING_MASS.name), value=0.2)
-        configuration.parameters = [already.to_parameter_msg()]
-        writer.write(told, 1, serialize_message(configuration))
-        for k, (time_s, depth, force) in enumerate(zip(*presses(), strict=True)):
-            message = IndenterSample(sequence=k, displacement=depth * 1e-3, force=force)
-            set_stamp(message.header.stamp, round(time_s * 1e9))
-            writer.write(sample, 1, serialize_message(message))
+    write_bag(path, MOVING_MASS.name, 0.2, presses())
     notes = loaded(path, "force.moving_mass=0.1", "force.damping=0.01").findings.notes
     assert "its samples are recorded less 0.2 kg already: 0.3 in all" in notes
     assert sum("already" in note for note in notes) == 1
