@@ -54,6 +54,8 @@ FASTEST = 0.95
 """Quantile of speed and acceleration that counts as the most."""
 NOISE_TIMES = 1.5
 """What a fit may leave in the air beside the flatness of free motion."""
+GLITCH = 3.0
+"""Times what a fit may leave: a reading that is further off counts as so far off."""
 LEAST_BINS = 5
 MOST_ROWS = 200_000
 """Of the end of a recording."""
@@ -281,7 +283,8 @@ def _air(
         count, begin = end - begin, end
         if end < LEAST_SAMPLES // 2:
             continue
-        rest = pushes - mine @ _solved(squares, products)
+        rest = np.abs(pushes - mine @ _solved(squares, products))
+        rest = np.minimum(rest, GLITCH * allowed_n)
         if count and bins >= LEAST_BINS and float(np.mean(rest * rest)) > allowed_n**2:
             break
         good = bins
