@@ -29,6 +29,7 @@ from hc_bringup.commands.estimate import make_estimator, summarise, why_no_resul
 from hc_bringup.errors import UserError
 from hc_bringup.estimate_table import estimate_lines, write_parquet
 from hc_bringup.file_preset import CSV_OPTIONS
+from hc_bringup.reading_changes import read_alike
 from hc_bringup.report.contact_file import PARAMETER_UNITS, columns
 from hc_bringup.report.contacts import find_contacts
 from hc_bringup.run_data import of_series
@@ -278,11 +279,10 @@ def _estimated(task: Task, variant: Variant, recording: Any, name: Path) -> dict
         estimator = make_estimator(variant.arguments, recording)
         channels = (recording.time_s, recording.displacement_mm, recording.force_n)
         series = run_in_pieces(estimator, *channels)
-    times, displacements, forces = recording.time_s, recording.displacement_mm, recording.force_n
     summary = summarise(estimator, recording, series, math.nan)
     limit_n = float(estimator.configuration["force_limit"])
     once = recording.counted_once
-    suspicions = check_samples(times, displacements, forces, limit_n, once)
+    suspicions = check_samples(*read_alike(recording), limit_n, once)
     # A law that hardly fits is in the row's mismatch_share; a channel that is turned is no result.
     reason = why_unusable((s.check.value for s in suspicions), math.nan) or why_no_result(summary)
     contacts = []

@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     import sys
 
     from hc_bringup.force_error import dishonest_line
-    from hc_bringup.reading_changes import change_lines, unexplained
+    from hc_bringup.reading_changes import change_lines, read_alike, unexplained
     from hc_bringup.summary import MISFIT_SHARE, to_json, why_unusable
     from hc_estimator.stream.in_pieces import run_in_pieces
     from hc_estimator.stream.readings import MEANINGS
@@ -64,9 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
     origin_ns = int(recording.stamps[0]) if len(recording.stamps) else 0
     suspicions = unexplained(
         check_samples(
-            recording.time_s,
-            recording.displacement_mm,
-            recording.force_n,
+            *read_alike(recording),
             estimator.configuration["force_limit"],
             recording.counted_once,
         ),
@@ -82,7 +80,8 @@ def run(arguments: argparse.Namespace) -> int:
     if changes:
         lines.append(
             "what was read otherwise is no recording of one tissue: hc bag filter --start and "
-            "--duration keep one part; hc doctor judges the longest one"
+            "--duration keep one part; what is doubted here is of the last one with a press, and "
+            "hc doctor judges the longest one"
         )
     if recording.findings.notes and not recording.is_bag:
         read = (recording.displacement_mm, recording.force_n)
