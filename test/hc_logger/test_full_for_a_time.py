@@ -164,3 +164,4 @@ def test_a_recorder_goes_on_and_its_end_tells_what_is_missing(
     assert not info.problems
     values = {v.key: int(v.value) for v in reports[-1].values if v.key in ("messages", "unwritten")}
     assert values["unwritten"] + info.message_count == 110
+    assert info.custom_data["unwritten"] == str(values["unwritten"])

@@ -333,6 +333,8 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
             self.get_logger().error("nothing recorded: use_sim_time is set and /clock is silent")
         writer = self._session.writer
         writer.set_custom_data("dropped", str(self._session.dropped))
+        if self._session.unwritten:
+            writer.set_custom_data("unwritten", str(self._session.unwritten))
         jumps = self._clock_of_reception.jumps_ns
         if jumps:
             writer.set_custom_data("clock_jumps_s", ", ".join(f"{j * 1e-9:.6f}" for j in jumps))
