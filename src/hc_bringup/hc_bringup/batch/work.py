@@ -35,6 +35,7 @@ from hc_bringup.report.contacts import find_contacts
 from hc_bringup.run_data import of_series
 from hc_bringup.sites import run_by_site
 from hc_bringup.summary import why_unusable
+from hc_bringup.taken_off_live import not_taken_off
 from hc_bringup.zero_words import Zeros
 from hc_estimator import PARAMETER_NAMES
 from hc_estimator.stream.in_pieces import run_in_pieces
@@ -289,7 +290,8 @@ def _estimated(task: Task, variant: Variant, recording: Any, name: Path) -> dict
     if not reason:
         data = by_site.data if by_site else of_series(recording, estimator, series, tip)
         contacts = find_contacts(data, contact_rules(task.arguments))
-    said = [s.sentence for s in suspicions]
+    said = [*filter(None, (not_taken_off(recording, task.arguments),))]
+    said += [s.sentence for s in suspicions]
     result = _failure(reason)
     result["notes"] = [_about(task, line) for line in (*recording.findings.lines(), *said)]
     result["recording"] = _row(recording, summary, len(contacts))

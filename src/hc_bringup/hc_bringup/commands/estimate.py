@@ -50,6 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
     from hc_bringup.force_error import dishonest_line
     from hc_bringup.reading_changes import change_lines, read_alike, unexplained
     from hc_bringup.summary import MISFIT_SHARE, to_json, why_unusable
+    from hc_bringup.taken_off_live import not_taken_off
     from hc_estimator.stream.in_pieces import run_in_pieces
     from hc_estimator.stream.readings import MEANINGS
     from hc_estimator.stream.sanity import check_samples
@@ -74,6 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
     name = name_of(arguments)
     lines = [
         *recording.findings.lines(),
+        not_taken_off(recording, arguments),
         *change_lines(changes, origin_ns),
         *(s.sentence for s in suspicions),
     ]
