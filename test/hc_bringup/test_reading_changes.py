@@ -1,14 +1,19 @@
 """Sensors read otherwise in the middle of a recording: said, and judged in one piece."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from hc_bringup.reading_changes import (
     change_lines,
     judged_line,
+    judged_stretch,
     longest_stretch,
+    read_alike,
     unexplained,
 )
+from hc_bringup.unusable import say_unusable
 from hc_estimator.stream.readings import Check, Suspicion
 from hc_logger.events import ReadingChange, RecordedEvent, reading_changes
 
@@ -56,3 +61,41 @@ def test_a_zero_of_which_it_is_known_who_took_it_is_not_doubted_as_well(at_s, le
         assert len(unexplained([doubt], [TARED], 2 * SECOND)) == left
     other = Suspicion(Check.SIGN, "force", "")
     assert unexplained([other], [TARED], 2 * SECOND) == [other]
+
+
+def recorded(changes, *, pressed_until_s=40.0):
+    """A tool in the air and, from 10 s on, presses that count from another place."""
+    time_s = np.arange(0.0, 40.0, 0.01)
+    depth = 2.0 - 3.0 * np.cos(time_s)
+    depth[(time_s <= 10.0) | (time_s > pressed_until_s)] = -1.0
+    force = 0.5 * np.maximum(depth, 0.0) ** 1.5
+    draw = np.random.default_rng(1)
+    place = depth - np.where(time_s <= 10.0, 200.0, 0.0) + 0.002 * draw.standard_normal(4000)
+    return SimpleNamespace(
+        stamps=np.round((time_s + 2.0) * SECOND).astype(np.int64),
+        time_s=time_s,
+        displacement_mm=place,
+        force_n=force + 0.01 * draw.standard_normal(4000),
+        reading_changes=changes,
+    )
+
+
+def test_what_is_told_of_a_recording_is_told_of_its_last_part_with_a_press(capsys):
+    """Regression: after a search for the surface "would be if it were in micrometres", and 1."""
+    recording = recorded([TARED])
+    assert say_unusable("bag", recorded([]))
+    assert "micrometres" in capsys.readouterr().err
+    assert say_unusable("bag", recording) == ""
+    assert capsys.readouterr().err == ""
+    time_s, place, _ = read_alike(recording)
+    assert time_s[0] == pytest.approx(10.01)
+    assert len(time_s) == len(place) == 2999
+
+
+def test_a_last_part_without_a_press_says_nothing_of_what_came_before():
+    later = ReadingChange(32 * SECOND, "input.force.presliding = 0.05")
+    stretch = judged_stretch(recorded([TARED, later], pressed_until_s=29.0))
+    assert (stretch.begin_s, stretch.end_s) == pytest.approx((10.01, 30.0))
+    stretch = judged_stretch(recorded([TARED], pressed_until_s=-1.0))
+    assert stretch.begin_s == pytest.approx(10.01)
+    assert judged_stretch(recorded([])) is None

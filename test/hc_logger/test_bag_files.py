@@ -17,9 +17,10 @@ from hc_logger.definitions import installed_definition
 from hc_logger.errors import BagError, BagExistsError, UnknownTypeError
 from hc_logger.info import bag_info
 from hc_logger.layout import records, stamps
+from hc_logger.numbered_bags import new_numbered_bag, numbered_bags
 from hc_logger.reader import BagReader
 from hc_logger.recording import read_recording
-from hc_logger.writer import BagWriter, new_numbered_bag, numbered_bags
+from hc_logger.writer import BagWriter
 
 MakeBag = Callable[..., Path]
 SAMPLE = "hc_msgs/msg/IndenterSample"

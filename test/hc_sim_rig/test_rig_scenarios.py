@@ -12,6 +12,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hc_bringup import cli
 from hc_sim_rig import Rig, Scenario, ScenarioError, available_scenarios, load_scenario
 from hc_sim_rig.drives import ProcessNoise
 from hc_sim_rig.scenario import SCENARIO_FOLDER
@@ -259,3 +260,29 @@ def test_junk_anywhere_is_a_scenario_or_one_line(name: str, junk: object, where:
     except ScenarioError as error:
         message = str(error)
     assert "\n" not in message
+
+
+def test_a_change_that_comes_too_late_to_happen_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: a change at 15 s of a scenario of 10 s (the default) silently never happened."""
+    path = tmp_path / "late.yaml"
+    path.write_text(yaml.safe_dump(data_of("tissue_change") | {"duration_s": 20.0}))
+    said = "scenario late: tissue.changes has changes at 20, 40 s, and it ends at 20 s (duration_s)"
+    assert load_scenario(path).never_happens().startswith(said)
+    for name in available_scenarios():
+        assert not load_scenario(name).never_happens()
+    assert cli.main(["simulate", str(path), "-o", str(tmp_path / "a.csv")]) == 0
+    assert said in capsys.readouterr().err.replace("\n", " ")
+    arguments = [str(path), "-o", str(tmp_path / "b.csv"), "--duration", "1"]
+    assert cli.main(["simulate", *arguments]) == 0
+    assert not capsys.readouterr().err
+
+
+def test_what_loops_begins_anew_before_a_change_that_comes_later() -> None:
+    data = data_of("multisine") | {"at_end": "loop", "duration_s": 10.0}
+    for time_s, happens in ((5.0, True), (15.0, False)):
+        data["tissue"]["changes"] = [{"time_s": time_s, "stiffness_factor": 2.0}]
+        scenario = build(Scenario, data)
+        assert ("begins anew at 10 s" in scenario.never_happens()) is not happens
+        assert bool(np.ptp(Rig(scenario).run(20.0).truth.parameters[:, 0])) is happens

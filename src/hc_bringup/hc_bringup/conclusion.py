@@ -15,8 +15,8 @@ from hc_bringup.summary import run_summary, run_text, to_json, why_unusable
 from hc_bringup.wrapping import say, wrapped
 from hc_logger.errors import BagError
 from hc_logger.metadata import FILE_NAME, read_information
+from hc_logger.numbered_bags import numbered_bags
 from hc_logger.selection import full_name
-from hc_logger.writer import numbered_bags
 from hc_msgs_py.diagnostics import number_said
 from hc_msgs_py.topics import ESTIMATE, NODE_RECORDER
 

@@ -27,6 +27,7 @@ from hc_bringup.heartbeat import MARK, busy
 from hc_bringup.reach import speak_to_nodes
 from hc_bringup.stopped_processes import stopped_hint
 from hc_msgs_py.nearest import hint
+from hc_msgs_py.qos import SERVICE_QOS
 
 _LEAST_WAIT_S: Final = 0.8
 _QUIET_S: Final = 0.4
@@ -195,7 +196,7 @@ class Graph:
         Raises:
             UserError: if the node offers no parameter services.
         """
-        client = AsyncParameterClient(self.node, node_name)
+        client = AsyncParameterClient(self.node, node_name, qos_profile=SERVICE_QOS)
         if not self.wait_for(client.services_are_ready):
             raise UserError(f"node {node_name} offers no parameters{stopped_hint()}", FAILURE)
         return client

@@ -26,7 +26,7 @@ from hc_bringup.reach import speak_to_nodes
 from hc_bringup.statistics import PARAMETERS, EstimateStatistics
 from hc_msgs_py.clock_watch import ClockWatch
 from hc_msgs_py.diagnostics import Level, number_said
-from hc_msgs_py.qos import CONFIGURATION_QOS, DIAGNOSTICS_QOS
+from hc_msgs_py.qos import CONFIGURATION_QOS, DIAGNOSTICS_QOS, SERVICE_QOS
 from hc_msgs_py.topics import (
     DIAGNOSTICS,
     EVENTS,
@@ -271,7 +271,9 @@ class Monitor:
     def _client(self, kind: Any, name: str) -> Any:
         client = self._clients.get(name)
         if client is None:
-            client = self._clients[name] = self._node.create_client(kind, name)
+            client = self._clients[name] = self._node.create_client(
+                kind, name, qos_profile=SERVICE_QOS
+            )
         return client
 
     def _spin_until(self, condition: Callable[[], bool], timeout_s: float) -> None:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_estimator.stream.readings import Check, Suspicion
+from hc_estimator.stream.readings import LEAST_SAMPLES, Check, Suspicion, moves
 from hc_logger.events import ReadingChange
 
 _LONG_NUMBER = re.compile(r"-?\d+\.\d{5,}(e-?\d+)?")
@@ -60,8 +60,54 @@ def longest_stretch(
         time_s: their times [s], shape (samples,).
         changes: in order.
     """
-    parts = np.searchsorted(np.array([c.stamp_ns for c in changes]), stamps, side="left")
-    chosen = parts == np.bincount(parts).argmax()
+    parts = _parts(stamps, changes)
+    return _stretch(parts == np.bincount(parts).argmax(), time_s)
+
+
+def judged_stretch(recording: Any) -> Stretch | None:
+    """Return the last stretch in which the tool pressed, for what is told of a recording.
+
+    Its parameters are those of its end. Where it pressed in none, the longest.
+
+    Args:
+        recording: hc_logger.recorded.Recording.
+
+    Returns:
+        The stretch; None where the sensors were read alike throughout.
+    """
+    changes = recording.reading_changes
+    if not changes:
+        return None
+    parts = _parts(recording.stamps, changes)
+    for part in np.unique(parts)[::-1]:
+        chosen = parts == part
+        channels = recording.displacement_mm[chosen], recording.force_n[chosen]
+        finite = [values[np.isfinite(values)] for values in channels]
+        if all(len(values) >= LEAST_SAMPLES and moves(values) for values in finite):
+            return _stretch(chosen, recording.time_s)
+    return longest_stretch(recording.stamps, recording.time_s, changes)
+
+
+def read_alike(
+    recording: Any,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return times [s], displacements [mm] and forces [N] of what is judged of a recording.
+
+    Args:
+        recording: hc_logger.recorded.Recording.
+    """
+    stretch = judged_stretch(recording)
+    chosen = slice(None) if stretch is None else stretch.chosen
+    return recording.time_s[chosen], recording.displacement_mm[chosen], recording.force_n[chosen]
+
+
+def _parts(stamps: NDArray[np.int64], changes: Sequence[ReadingChange]) -> NDArray[np.int64]:
+    """Return how many changes came before each sample, shape (samples,)."""
+    return np.searchsorted(np.array([c.stamp_ns for c in changes]), stamps, side="left")
+
+
+def _stretch(chosen: NDArray[np.bool_], time_s: NDArray[np.float64]) -> Stretch:
+    """Return samples with the time of the first and the last one."""
     return Stretch(chosen, float(time_s[chosen][0]), float(time_s[chosen][-1]))
 
 

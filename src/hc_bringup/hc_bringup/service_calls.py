@@ -18,7 +18,7 @@ from hc_bringup.graph import Graph, absolute
 from hc_bringup.stopped_processes import stopped_hint
 from hc_msgs_py.diagnostics import FEELS
 from hc_msgs_py.nearest import hint
-from hc_msgs_py.qos import CONFIGURATION_QOS, DIAGNOSTICS_QOS
+from hc_msgs_py.qos import CONFIGURATION_QOS, DIAGNOSTICS_QOS, SERVICE_QOS
 from hc_msgs_py.topics import DIAGNOSTICS, EVENTS, NODE_ESTIMATOR
 
 SETTLE_S = 0.6
@@ -71,7 +71,7 @@ class Client:
         """
         self._graph = graph
         self._name = name
-        self._client = graph.node.create_client(service_type, name)
+        self._client = graph.node.create_client(service_type, name, qos_profile=SERVICE_QOS)
         self._seen_s = time.monotonic()
         if not graph.wait_for(self._client.service_is_ready):
             raise UserError(f"nobody offers the service {name}{stopped_hint()}", FAILURE)

@@ -28,9 +28,9 @@ from hc_bringup.runner import Runner
 from hc_bringup.soak import PARAMETERS, count_invalid, endless
 from hc_bringup.soak_disturbers import ParameterStorm, Viewers
 from hc_bringup.statistics import EstimateStatistics
+from hc_logger.numbered_bags import numbered_bags
 from hc_logger.reader import BagReader
 from hc_logger.recording import read_recording
-from hc_logger.writer import numbered_bags
 from hc_msgs_py.topics import NODE_ESTIMATOR, NODE_INDENTER, NODE_RECORDER
 
 PERIOD_S = 20.0

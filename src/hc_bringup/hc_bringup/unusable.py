@@ -26,10 +26,11 @@ def say_unusable(name: str, recording: Any) -> str:
     Returns:
         The reason as `why_unusable` has it; nothing where there is none.
     """
+    from hc_bringup.reading_changes import read_alike
     from hc_estimator.stream.readings import MEANINGS
     from hc_estimator.stream.sanity import check_samples
 
-    doubts = check_samples(recording.time_s, recording.displacement_mm, recording.force_n)
+    doubts = check_samples(*read_alike(recording))
     serious = [doubt for doubt in doubts if why_unusable([doubt.check.value], math.nan)]
     for doubt in serious:
         print(f"{name}: {doubt.sentence}", file=sys.stderr)

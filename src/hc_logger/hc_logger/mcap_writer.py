@@ -60,6 +60,7 @@ class McapWriter:
 
     Attributes:
         written: messages in chunks that were written whole, by channel.
+        whole_end: offset behind the last of these chunks, and its index.
     """
 
     def __init__(self, stream: Stream, chunk_bytes: int) -> None:
@@ -78,6 +79,7 @@ class McapWriter:
         self._chunk_indexes = bytearray()
         self._chunk_count = 0
         self.written: dict[int, int] = {}
+        self.whole_end = 0
         self._first_ns = _NO_TIME
         self._last_ns = 0
         self._parts: list[bytes] = []  # of the chunk that is being filled
@@ -90,6 +92,7 @@ class McapWriter:
         """Write the beginning of the file."""
         self._stream.write(MAGIC)
         self._stream.write(_record(Header(profile, library)))
+        self.whole_end = self._stream.tell()
 
     def register_schema(self, name: str, encoding: str, data: bytes) -> int:
         """Add a schema and return its number."""
@@ -279,10 +282,24 @@ class McapWriter:
             )
         )
         self._chunk_count += 1
+        self.whole_end = self._stream.tell()
         self._first_ns = min(self._first_ns, first_ns)
         self._last_ns = max(self._last_ns, last_ns)
+        self._empty_chunk()
+
+    def _empty_chunk(self) -> None:
         self._parts, self._size, self._places = [], 0, {}
         self._chunk_first_ns, self._chunk_last_ns = _NO_TIME, 0
+
+    def take_back(self) -> None:
+        """Forget what is in no whole chunk, after a write failed and the stream was cut there.
+
+        Schemas and channels come again: a chunk that was lost may have had them.
+        """
+        self._empty_chunk()
+        self._metadata = []
+        for record in (*self._schemas.values(), *self._channels.values()):
+            self._add(_record(record))
 
 
 def _record(record: object) -> bytes:

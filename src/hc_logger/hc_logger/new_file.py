@@ -60,6 +60,15 @@ class RawFile:
         """Return how many bytes were written."""
         return self._position
 
+    def cut(self, length: int) -> None:
+        """Forget what was written beyond a length [bytes], and go on there.
+
+        Raises:
+            OSError: if the disk is gone.
+        """
+        os.ftruncate(self._number, length)
+        self._position = os.lseek(self._number, length, os.SEEK_SET)
+
     def flush(self) -> None:
         """Do nothing: nothing is held back."""
 

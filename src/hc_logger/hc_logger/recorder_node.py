@@ -17,11 +17,12 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from hc_logger.errors import BagError
+from hc_logger.numbered_bags import new_numbered_bag
 from hc_logger.reception_clock import ReceptionClock
 from hc_logger.ros.qos_profiles import mapping_from_profile, subscription_profile
 from hc_logger.ros.recorder_options import declare_options
 from hc_logger.session import INCOMPLETE, RecordingSession
-from hc_logger.writer import BagWriter, new_numbered_bag
+from hc_logger.writer import BagWriter
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.interface_class import UnknownInterfaceError, interface_class
 from hc_msgs_py.nearest import hint
@@ -208,10 +209,17 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._session.flush_if_due(DRAIN_PERIOD_S / 2)
         if self._session.failure and not self._reported_failure:
             self._reported_failure = self._session.failure
+            later = ", and so does the recording once there is room" if self._session.waits else ""
             self.get_logger().error(
-                f"{self._session.failure}; recording has stopped, the run goes on"
+                f"{self._session.failure}; recording has stopped, the run goes on{later}"
             )
             self._diagnostics.publish()  # at once, not within a second
+        if self._session.go_on():
+            self._reported_failure = ""
+            self.get_logger().warning(
+                f"there is room again: recording goes on; {self._session.incomplete}"
+            )
+            self._diagnostics.publish()
 
     def _drain_one(self, tap: Tap) -> int:
         """Write what of one topic has arrived, a bounded number; returns how many there were."""
@@ -306,6 +314,8 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
             values[f"{topic} skipped"] = reason
         if session.failure:
             return Status(Level.ERROR, session.failure, values)
+        if session.incomplete:
+            return Status(Level.WARN, session.incomplete, values)
         if session.dropped:
             return Status(Level.WARN, f"{session.dropped} messages dropped", values)
         if self._skipped:
@@ -323,6 +333,8 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
             self.get_logger().error("nothing recorded: use_sim_time is set and /clock is silent")
         writer = self._session.writer
         writer.set_custom_data("dropped", str(self._session.dropped))
+        if self._session.unwritten:
+            writer.set_custom_data("unwritten", str(self._session.unwritten))
         jumps = self._clock_of_reception.jumps_ns
         if jumps:
             writer.set_custom_data("clock_jumps_s", ", ".join(f"{j * 1e-9:.6f}" for j in jumps))
@@ -337,7 +349,7 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
     @property
     def failure(self) -> str:
         """Why not everything is in the bag, empty if all is."""
-        return self._session.failure
+        return self._session.incomplete
 
 
 def _take(subscription: Any) -> list[tuple[bytes, Mapping[str, Any]]]:

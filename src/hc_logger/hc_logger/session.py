@@ -1,11 +1,14 @@
 """What the recorder keeps besides the ROS graph: the bag, its flushing, counts, a full disk.
 
 A write that fails (full disk, unplugged disk) must not end a run: the session then stops writing,
-keeps counting, and says so. Its counts never claim what is not in the bag.
+keeps counting, and says so. Where a disk that was full has room again it goes on, in the same bag.
+Its counts never claim what is not in the bag.
 """
 
 from __future__ import annotations
 
+import errno
+import os
 import threading
 import time
 from collections.abc import Mapping, Sequence
@@ -19,6 +22,11 @@ FLUSH_INTERVAL_S = 0.05
 Chunks of so little make the file 6 % larger than chunks of 0.25 s, at the same processor time."""
 INCOMPLETE = 3
 """Exit status of a recorder that went on to the end of the run and could not write all of it."""
+ROOM_BYTES, ROOM_SHARE = 64 * 1024**2, 0.01
+"""What has to be free on a disk that was full before writing goes on, and at most of the disk: less
+is soon full again."""
+LOOK_S = 1.0
+"""How often that is looked at."""
 LONGEST_COUNTED_GAP = 1_000_000
 """A jump of a publisher's counter beyond this is a restarted publisher, not a loss."""
 
@@ -55,6 +63,7 @@ class RecordingSession:
         counts: by topic number.
         failure: why writing has stopped, empty while it works.
         unwritten: messages that arrived and are not in the bag.
+        waits: whether writing has stopped for a full disk, and goes on once there is room.
     """
 
     def __init__(
@@ -75,8 +84,9 @@ class RecordingSession:
         self.counts: dict[int, TopicCount] = {}
         self.failure = ""
         self.unwritten = 0
+        self.waits = False
         self._flush_interval_s = flush_interval_s
-        self._last_flush = time.monotonic()
+        self._last_flush = self._last_look = time.monotonic()
         self._stop = threading.Event()
         self._sync_error: OSError | None = None
         self._syncer: threading.Thread | None = None
@@ -142,23 +152,66 @@ class RecordingSession:
             return
         self._last_flush = now
         if self._sync_error is not None:
-            self._fail(self._sync_error)
+            self._fail_for_good(self._sync_error)
             return
         try:
             self.writer.flush()
         except OSError as error:
             self._fail(error)
 
+    def go_on(self) -> bool:
+        """Go on writing if the disk was full and has room again; call it often.
+
+        Returns:
+            Whether writing goes on from here.
+        """
+        now = time.monotonic()
+        if not self.waits or now - self._last_look < LOOK_S:
+            return False
+        self._last_look = now
+        return self._goes_on()
+
+    def _goes_on(self) -> bool:
+        try:
+            disk = os.statvfs(self.writer.folder)
+            if disk.f_bavail < min(ROOM_BYTES / disk.f_frsize, ROOM_SHARE * disk.f_blocks):
+                return False
+            self.writer.go_on()
+        except OSError:  # the failure that is told already lasts
+            return False
+        self.failure, self.waits = "", False
+        return True
+
+    @property
+    def incomplete(self) -> str:
+        """Why not everything that arrived is in the bag; empty where it is."""
+        if self.failure or not self.unwritten:
+            return self.failure
+        plural = "s were" if self.unwritten > 1 else " was"
+        return (
+            f"{self.unwritten} message{plural} not written into {self.writer.path} while its disk "
+            "was full"
+        )
+
     def _fail(self, error: OSError) -> None:
         """Stop writing; what was handed over and is in no whole chunk does not count as written."""
+        self.waits = error.errno == errno.ENOSPC
+        self._last_look = time.monotonic()
         self.failure = f"cannot write {self.writer.path}: {error.strerror or error}"
         for topic, count in self.counts.items():
             safe = self.writer.safe_count(topic)
             self.unwritten += count.messages - safe
             count.messages = safe
 
+    def _fail_for_good(self, error: OSError) -> None:
+        """Stop writing to a disk that did not keep what it had taken: nobody knows what."""
+        self._fail(error)
+        self.waits = False
+
     def _sync_repeatedly(self, interval_s: float) -> None:
-        while not self._stop.wait(interval_s) and not self.failure:
+        while not self._stop.wait(interval_s):
+            if self.failure:
+                continue  # there may be room again
             try:
                 self.writer.sync()
             except OSError as error:
@@ -181,8 +234,8 @@ class RecordingSession:
         if self._syncer is not None:
             self._syncer.join()
         if self._sync_error is not None and not self.failure:
-            self._fail(self._sync_error)
-        if self.failure:
+            self._fail_for_good(self._sync_error)
+        if self.failure and not (self.waits and self._goes_on()):
             self.writer.abandon()
             return
         try:

@@ -29,6 +29,7 @@ from hc_estimator.stream.taken_off import TakenOff
 from hc_estimator.stream.vocabulary import LOADED_STATE, Cause
 from hc_logger.errors import BagError
 from hc_logger.layout import stamps
+from hc_logger.missing_estimates import rows_behind_missing
 from hc_logger.recorded import RecordedConfiguration, Recording
 from hc_msgs_py.estimate_fields import estimate_fields
 
@@ -112,6 +113,7 @@ def verify(recording: Recording) -> VerificationReport:
             f"{__version__}"
         )
     rows = _sample_rows(recording, estimates)
+    behind_missing = rows_behind_missing(recording)
     lives = _lives(configurations)
     estimator: Estimator | None = None
     taken_off = TakenOff()
@@ -130,7 +132,8 @@ def verify(recording: Recording) -> VerificationReport:
             estimator, reason = _configured(estimator, configuration, known.get(revision - 1))
         own = rows[segment.start : segment.end]
         chosen = known.get(segment.revision)
-        if chosen is not None and chosen.cause in FRESH and estimator is not None:
+        is_fresh = chosen is not None and chosen.cause in FRESH
+        if chosen is not None and is_fresh and estimator is not None:
             first = int(estimates["sequence"][segment.start])
             if first != chosen.valid_from_sequence:
                 reason = (
@@ -144,7 +147,10 @@ def verify(recording: Recording) -> VerificationReport:
             recording.stamps[own], recording.displacement_mm[own], recording.force_n[own]
         )
         missing = np.flatnonzero(own < 0)
-        known_until = int(missing[0]) if len(missing) else len(own)
+        gaps = behind_missing[
+            (behind_missing >= segment.start + is_fresh) & (behind_missing < segment.end)
+        ]
+        known_until = min([len(own), *missing[:1].tolist(), *(gaps[:1] - segment.start).tolist()])
         if estimator is None or chosen is None:
             known_until = 0
         elif known_until:
@@ -152,9 +158,11 @@ def verify(recording: Recording) -> VerificationReport:
             recorded = estimates[segment.start : segment.end][some]
             readings = (places[some], forces[some])
             _compare(estimator, chosen, recording, own[some], readings, recorded, report)
-        if len(missing) and estimator is not None:
+        if known_until < len(own) and estimator is not None:
             were = "was" if len(missing) == 1 else "were"
             reason = f"{len(missing)} of their samples {were} not recorded"
+            if not len(missing):
+                reason = "estimates and samples before them were not recorded"
             estimator = None
         if count := len(own) - known_until:
             report.not_comparable += count

@@ -76,6 +76,7 @@ class BagWriter:
         self._schemas: dict[tuple[str, str], int] = {}
         self._safe_before: dict[int, int] = {}  # in whole chunks of files before the present one
         self._closed = False
+        self._opens = False  # a file, which is not complete before that is over
         self._files_lock = threading.Lock()
         self._unsynced: list[int] = []
         try:
@@ -97,6 +98,7 @@ class BagWriter:
             raise BagError(f"cannot write {self.path}: {error.strerror}") from error
 
     def _open_file(self) -> None:
+        self._opens = True
         self._file = FileRecord(_plain(f"{self.path.resolve().name}_{len(self._files)}.mcap"))
         self._files.append(self._file)
         with self._files_lock:
@@ -109,6 +111,7 @@ class BagWriter:
         self._schemas.clear()
         for topic, definition in zip(self._topics, self._definitions, strict=True):
             self._register(topic, definition)
+        self._opens = False
 
     def _register(self, topic: TopicRecord, definition: TypeDefinition) -> int:
         key = (definition.name, definition.text)
@@ -305,6 +308,25 @@ class BagWriter:
         self._closed = True
         self._followed.let_go()
 
+    def go_on(self) -> None:
+        """Go on behind the last whole chunk after a write that failed: there is room again.
+
+        Raises:
+            OSError: if there is none, or the disk is gone.
+        """
+        if self._opens:
+            self._stream.close()
+            with contextlib.suppress(FileNotFoundError):  # it could not even be made
+                (self.folder / self._files[-1].path).unlink()
+            self._files.pop()
+            self._open_file()
+            return
+        self._stream.cut(self._writer.whole_end)
+        self._writer.take_back()
+        self._file.message_count = sum(self._writer.written.values())
+        for number, topic in enumerate(self._topics, 1):
+            topic.message_count = self.safe_count(number)
+
     def abandon(self) -> None:
         """Close the file as it is, without its end: after a write that failed."""
         self._closed = True
@@ -349,40 +371,6 @@ class BagWriter:
         except OSError:
             self.discard()
             raise
-
-
-def numbered_bags(path: str | os.PathLike[str]) -> list[Path]:
-    """Return the folders NAME, NAME_2, NAME_3 and so on that are there, in this order."""
-    first = Path(path)
-    found = [first] if first.exists() else []
-    number = 2
-    while (following := first.with_name(f"{first.name}_{number}")).exists():
-        found.append(following)
-        number += 1
-    return found
-
-
-def new_numbered_bag(path: str | os.PathLike[str], **options: Any) -> BagWriter:
-    """Make a bag under the first name of NAME, NAME_2, NAME_3 and so on that is free.
-
-    Args:
-        path: the first name.
-        **options: as for BagWriter.
-
-    Raises:
-        BagError: if the folder cannot be made.
-    """
-    first = Path(path)
-    if first.name in ("", ".."):
-        raise BagError(f"{path} is no name that a new bag can have")
-    number = 1
-    while True:
-        try:
-            return BagWriter(
-                first if number == 1 else first.with_name(f"{first.name}_{number}"), **options
-            )
-        except BagExistsError:
-            number += 1
 
 
 def _plain(text: str) -> str:

@@ -191,7 +191,9 @@ class Caller:
             timeout_s: for the service to be there, and for the answer.
             answer_s: after so long the answer counts as lost.
         """
-        client = self.node.create_client(kind, name)
+        from hc_msgs_py.qos import SERVICE_QOS
+
+        client = self.node.create_client(kind, name, qos_profile=SERVICE_QOS)
         try:
             until = time.monotonic() + timeout_s
             while (left := until - time.monotonic()) > 0.0:

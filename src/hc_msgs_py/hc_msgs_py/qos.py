@@ -85,7 +85,7 @@ SERVICE_QOS: Final = QoSProfile(
 )
 """Services, as rclpy's own for parameters. All clients share the queue of requests: with ROS's
 usual 10, of a hundred asked at once 42 were answered, and who asked the others waited without an
-end. (A client has to keep as many answers; ROS's usual 10 there are its own affair.)"""
+end. A client has to keep as many answers, for it gets those to all others, too: ours do."""
 
 FIXED_FRAMES_QOS: Final = CONFIGURATION_QOS
 """To subscribe to /tf_static, as tf2 does: who comes late gets what was told once."""

@@ -76,6 +76,20 @@ class Scenario(Section):
             return self.drive.operator.profile
         return self.drive.motion
 
+    def never_happens(self) -> str:
+        """Say which changes of the tissue come after the end; nothing where none does."""
+        changes = getattr(self.tissue, "changes", ())
+        late = [change.time_s for change in changes if change.time_s >= self.duration_s]
+        if not late:
+            return ""
+        times = ", ".join(f"{time_s:g}" for time_s in late)
+        what = "a change" if len(late) == 1 else "changes"
+        ends = "ends" if self.at_end == "stop" else "begins anew"
+        return (
+            f"scenario {self.name}: tissue.changes has {what} at {times} s, and it {ends} at "
+            f"{self.duration_s:g} s (duration_s), before that"
+        )
+
     def _check_loop(self) -> None:
         """A motion that begins anew must end where it began."""
         motions = [self.motion()]

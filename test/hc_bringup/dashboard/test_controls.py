@@ -79,7 +79,7 @@ def made(clock: SimpleNamespace) -> Any:
     clients: dict[str, Client] = {}
     node = SimpleNamespace(
         create_publisher=lambda *_arguments: None,
-        create_client=lambda _kind, name: clients.setdefault(name, Client()),
+        create_client=lambda _kind, name, **_qos: clients.setdefault(name, Client()),
         resolve_topic_name=lambda name: f"/{name}",
     )
     anything: Any = SimpleNamespace()

@@ -88,3 +88,20 @@ def test_a_recording_that_shows_nothing_is_no_result(tmp_path: Path, name: str) 
     path.write_text(f"time_s,displacement_mm,force_N\n{rows}")
     with pytest.raises(UserError, match=r"show nothing of K, B, n and p: press, and move$"):
         estimate.run(parsed(estimate, str(path), "--filter", name))
+
+
+def test_what_was_known_before_a_change_is_not_called_nothing() -> None:
+    """Regression: "the 20000 samples show nothing: press, and move", and K had been 0.3 %."""
+    nothing = dict.fromkeys(("stiffness", "damping"), 0.0)
+    counts = {"samples": 900, "used": 900, "rejected": {}, "forces": 900, "displacements": 900}
+    summary = counts | {
+        "in_contact": 300,
+        "identifiability": nothing,
+        "changes_detected": 2,
+        "most_known": 1.0,
+    }
+    said = estimate.why_no_result(summary)
+    assert said.startswith("2 changes of the tissue detected, and what came after the last one ")
+    for other in ({"changes_detected": 0}, {"most_known": 0.3}):
+        said = estimate.why_no_result(summary | other)
+        assert said == "the 900 samples show nothing of K, B, n and p: press, and move"

@@ -29,11 +29,13 @@ from hc_bringup.commands.estimate import make_estimator, summarise, why_no_resul
 from hc_bringup.errors import UserError
 from hc_bringup.estimate_table import estimate_lines, write_parquet
 from hc_bringup.file_preset import CSV_OPTIONS
+from hc_bringup.reading_changes import read_alike
 from hc_bringup.report.contact_file import PARAMETER_UNITS, columns
 from hc_bringup.report.contacts import find_contacts
 from hc_bringup.run_data import of_series
 from hc_bringup.sites import run_by_site
 from hc_bringup.summary import why_unusable
+from hc_bringup.taken_off_live import not_taken_off
 from hc_bringup.zero_words import Zeros
 from hc_estimator import PARAMETER_NAMES
 from hc_estimator.stream.in_pieces import run_in_pieces
@@ -278,18 +280,18 @@ def _estimated(task: Task, variant: Variant, recording: Any, name: Path) -> dict
         estimator = make_estimator(variant.arguments, recording)
         channels = (recording.time_s, recording.displacement_mm, recording.force_n)
         series = run_in_pieces(estimator, *channels)
-    times, displacements, forces = recording.time_s, recording.displacement_mm, recording.force_n
     summary = summarise(estimator, recording, series, math.nan)
     limit_n = float(estimator.configuration["force_limit"])
     once = recording.counted_once
-    suspicions = check_samples(times, displacements, forces, limit_n, once)
+    suspicions = check_samples(*read_alike(recording), limit_n, once)
     # A law that hardly fits is in the row's mismatch_share; a channel that is turned is no result.
     reason = why_unusable((s.check.value for s in suspicions), math.nan) or why_no_result(summary)
     contacts = []
     if not reason:
         data = by_site.data if by_site else of_series(recording, estimator, series, tip)
         contacts = find_contacts(data, contact_rules(task.arguments))
-    said = [s.sentence for s in suspicions]
+    said = [*filter(None, (not_taken_off(recording, task.arguments),))]
+    said += [s.sentence for s in suspicions]
     result = _failure(reason)
     result["notes"] = [_about(task, line) for line in (*recording.findings.lines(), *said)]
     result["recording"] = _row(recording, summary, len(contacts))

@@ -54,6 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
         longest_stretch,
         surface_std_at,
     )
+    from hc_bringup.taken_off_live import not_taken_off
     from hc_bringup.turn_watch import bag_turning_line
     from hc_estimator.ros.node_settings import OWN_SENSORS
     from hc_logger.errors import BagError
@@ -80,7 +81,7 @@ def run(arguments: argparse.Namespace) -> int:
         heartbeat.doing(f"reading {name_of(arguments)}")
         recording = recording_input.load(arguments)
         reading = recording.findings
-        notes = (*reading.being_recorded, *reading.notes)
+        notes = (*reading.being_recorded, *reading.notes, not_taken_off(recording, arguments))
         # Rows with one reading are nothing wrong, nor is a bag that goes on; notes say how it was
         # read.
         wrong = reading._replace(force_alone=0, displacement_alone=0, being_recorded=(), notes=())

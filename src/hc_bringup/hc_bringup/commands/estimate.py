@@ -20,6 +20,7 @@ HELP = "run an estimator over a recording (CSV or bag) and print the parameters"
 COMPILES = True
 LEAST_USED_SHARE = 0.02
 """Of the samples: a recording of which less can be used shows nothing of the tissue."""
+_MUCH_KNOWN = 0.9
 _NOTHING_KNOWN = 0.01
 _FIGURES = ("force_predicted_rmse_n", "force_reconstructed_rmse_n", "nis_mean")
 
@@ -48,8 +49,9 @@ def run(arguments: argparse.Namespace) -> int:
     import sys
 
     from hc_bringup.force_error import dishonest_line
-    from hc_bringup.reading_changes import change_lines, unexplained
+    from hc_bringup.reading_changes import change_lines, read_alike, unexplained
     from hc_bringup.summary import MISFIT_SHARE, to_json, why_unusable
+    from hc_bringup.taken_off_live import not_taken_off
     from hc_estimator.stream.in_pieces import run_in_pieces
     from hc_estimator.stream.readings import MEANINGS
     from hc_estimator.stream.sanity import check_samples
@@ -64,9 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
     origin_ns = int(recording.stamps[0]) if len(recording.stamps) else 0
     suspicions = unexplained(
         check_samples(
-            recording.time_s,
-            recording.displacement_mm,
-            recording.force_n,
+            *read_alike(recording),
             estimator.configuration["force_limit"],
             recording.counted_once,
         ),
@@ -76,13 +76,15 @@ def run(arguments: argparse.Namespace) -> int:
     name = name_of(arguments)
     lines = [
         *recording.findings.lines(),
+        not_taken_off(recording, arguments),
         *change_lines(changes, origin_ns),
         *(s.sentence for s in suspicions),
     ]
     if changes:
         lines.append(
             "what was read otherwise is no recording of one tissue: hc bag filter --start and "
-            "--duration keep one part; hc doctor judges the longest one"
+            "--duration keep one part; what is doubted here is of the last one with a press, and "
+            "hc doctor judges the longest one"
         )
     if recording.findings.notes and not recording.is_bag:
         read = (recording.displacement_mm, recording.force_n)
@@ -263,6 +265,7 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
         "parameters": named(last.parameters),
         "parameters_std": named(last.parameters_std),
         "identifiability": named(last.identifiability),
+        "most_known": float(np.max(series.identifiability[touching], initial=0.0)),
         "channel_delay": float(last.channel_delay),
         "channel_delay_std": float(last.channel_delay_std),
         **Zeros.in_the_end(touching, lambda k: Zeros.from_estimate(series[k]))._asdict(),
@@ -298,6 +301,15 @@ def why_no_result(summary: dict[str, Any], *, doubted: bool = False) -> str:
             "the tissue, and compression is a positive force (see --find-surface and --input)"
         )
     if not doubted and all(k < _NOTHING_KNOWN for k in summary["identifiability"].values()):
+        changes = summary["changes_detected"]
+        if changes and summary["most_known"] > _MUCH_KNOWN:
+            times = "a change" if changes == 1 else f"{changes} changes"
+            return (
+                f"{times} of the tissue detected, and what came after the last one shows nothing "
+                "of K, B, n and p: press once more behind it; if the tissue stayed as it is, this "
+                "filter or contact law does not fit it (-o writes every estimate, with what was "
+                "known before)"
+            )
         return f"the {count} samples show nothing of K, B, n and p: press, and move"
     results = [*summary["parameters"].values(), *summary["parameters_std"].values()]
     results += [summary[name] for name in _FIGURES]

@@ -17,6 +17,7 @@ from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import assignment, natural, positive, seconds
 from hc_bringup.param_target import targets
 from hc_bringup.parameter_file import read_yaml
+from hc_bringup.wrapping import wrapped
 from hc_msgs_py.parameter_sections import sections_for
 from hc_msgs_py.realtime import (
     CPUS_VARIABLE,
@@ -118,6 +119,9 @@ def run(arguments: argparse.Namespace) -> int:
         plan = with_parameters(plan, node, parameters)
     check_state_folders(plan)
     plan = with_array_messages(plan)
+    scenario = rig_scenario(plan)
+    if scenario is not None and (line := scenario.never_happens()):
+        print(wrapped(line, stream=sys.stderr), file=sys.stderr)
     bag = None
     if plan.node("recorder") is not None:
         bag = new_bag_folder(arguments.bag)
@@ -313,9 +317,6 @@ def custom_data(plan: Any) -> list[str]:
     Returns:
         Entries of the form key=value: the configuration, and scenario and seed of the rig.
     """
-    from hc_sim_rig.scenario import load_scenario
-    from hc_sim_rig.schema import ScenarioError
-
     configuration = [
         {
             "name": node.name,
@@ -327,15 +328,31 @@ def custom_data(plan: Any) -> list[str]:
     ]
     entries = [f"configuration={json.dumps(configuration, sort_keys=True)}"]
     rig = plan.node("indenter")
-    if rig is not None:
+    scenario = rig_scenario(plan)
+    if rig is not None and scenario is not None:
         settings = file_parameters(rig) | dict(rig.parameters)
         name = str(settings.get("scenario", "multisine"))
-        try:
-            seed = settings.get("seed", load_scenario(name).seed)
-        except (ScenarioError, OSError) as error:
-            raise UserError(str(error), WRONG_USE) from error
-        entries += [f"scenario={Path(name).name}", f"seed={seed}"]
+        entries += [f"scenario={Path(name).name}", f"seed={settings.get('seed', scenario.seed)}"]
     return entries
+
+
+def rig_scenario(plan: Any) -> Any:
+    """Return the scenario of a run's rig (hc_sim_rig.scenario.Scenario); None without a rig.
+
+    Raises:
+        UserError: if it cannot be read.
+    """
+    from hc_sim_rig.scenario import load_scenario
+    from hc_sim_rig.schema import ScenarioError
+
+    rig = plan.node("indenter")
+    if rig is None:
+        return None
+    settings = file_parameters(rig) | dict(rig.parameters)
+    try:
+        return load_scenario(str(settings.get("scenario", "multisine")))
+    except (ScenarioError, OSError) as error:
+        raise UserError(str(error), WRONG_USE) from error
 
 
 def file_parameters(node: Any) -> dict[str, Any]:

@@ -72,6 +72,8 @@ def run(arguments: argparse.Namespace) -> int:
         _write_csv(target, series)
     else:
         _write_bag(target, series, arguments.scenario)
+    if arguments.duration is None and (line := scenario.never_happens()):
+        print(wrapped(line, stream=sys.stderr), file=sys.stderr)
     print(f"{len(series)} samples at {rig.rate_hz:g} Hz written to {target}")
     if scenario.taxels is not None:
         line = (

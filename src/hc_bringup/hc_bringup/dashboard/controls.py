@@ -26,7 +26,7 @@ from hc_bringup.dashboard.feed import Feed
 from hc_bringup.dashboard.recording import Recording
 from hc_bringup.errors import UserError
 from hc_msgs_py.conversion import LONGEST_REASON, fill_event
-from hc_msgs_py.qos import CONFIGURATION_QOS
+from hc_msgs_py.qos import CONFIGURATION_QOS, SERVICE_QOS
 from hc_msgs_py.topics import EVENTS, NODE_ESTIMATOR, NODE_INDENTER
 from hc_sim_rig.scenario import available_scenarios
 
@@ -198,10 +198,10 @@ class Controls:
         )
 
     def _parameter_client(self, name: str) -> AsyncParameterClient:
-        client = self._parameter_clients.get(name)
-        if client is None:
-            client = self._parameter_clients[name] = AsyncParameterClient(self._node, name)
-        return client
+        if name not in self._parameter_clients:
+            client = AsyncParameterClient(self._node, name, qos_profile=SERVICE_QOS)
+            self._parameter_clients[name] = client
+        return self._parameter_clients[name]
 
     # Services, recording, marks.
 
@@ -225,10 +225,10 @@ class Controls:
     def _trigger_client(self, node: str, service: str) -> tuple[str, Any]:
         """Return the full name of a service of a node and its client."""
         full = f"{self._node.resolve_topic_name(node)}/{service}"
-        client = self._triggers.get(full)
-        if client is None:
-            client = self._triggers[full] = self._node.create_client(Trigger, full)
-        return full, client
+        if full not in self._triggers:
+            client = self._node.create_client(Trigger, full, qos_profile=SERVICE_QOS)
+            self._triggers[full] = client
+        return full, self._triggers[full]
 
     def _settled(self, service: str) -> bool:
         """Whether a service has been there long enough to know its client."""

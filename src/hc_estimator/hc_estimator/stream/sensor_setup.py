@@ -34,6 +34,11 @@ RELATED = 0.4
 """Correlation of force and position from which on they belong to one tool."""
 SURFACE_SHARE = 0.05
 """Of the stroke: deviation of a surface of which only pieces of approaches told."""
+NO_SURFACE = (
+    "no approach from free motion into the tissue was seen, so that nobody knows where the "
+    "surface is: hc find-surface while it runs"
+)
+NOT_FREE = "nor was the tool free of contact: hc tare while it runs"
 _AXES = "xyz"
 _RIDGE = 0.02
 """Of the position's whole variance."""
@@ -118,12 +123,17 @@ class SetupProposal(NamedTuple):
         )
 
     def corrected(self, force_n: float, displacement_mm: float) -> SetupProposal:
-        """Return the proposal with zeros that were found to be off by so much."""
+        """Return the proposal with zeros that were found to be off by so much; 0: they are not.
+
+        One that was not known, so that nothing was taken off, is known then.
+        """
+        known = {NOT_FREE: force_n != 0.0, NO_SURFACE: displacement_mm != 0.0}
         return self._replace(
-            force=self.force._replace(zero=self.force.zero + force_n),
-            position=self.position._replace(zero=self.position.zero + displacement_mm),
+            force=self.force._replace(zero=_moved(self.force.zero, force_n)),
+            position=self.position._replace(zero=_moved(self.position.zero, displacement_mm)),
             force_n=self.force_n - force_n,
             displacement_mm=self.displacement_mm - displacement_mm,
+            notes=tuple(note for note in self.notes if not known.get(note, False)),
         )
 
     def with_surface_known_to(self, deviation_mm: float) -> SetupProposal:
@@ -338,16 +348,18 @@ def _zeros(
     free = whole(free_motion(moved, pushed[inside]))
     if free is not None:  # pieces of approaches, none of them whole
         return free[0], free[1], coarse, []
-    notes = [
-        "no approach from free motion into the tissue was seen, so that nobody knows where the "
-        "surface is: hc find-surface while it runs"
-    ]
+    notes = [NO_SURFACE]
     zero = math.nan
     if resting is not None and resting.sum() >= LEAST_SAMPLES // 2:
         zero = float(np.median(pushed[resting]))
     else:
-        notes.append("nor was the tool free of contact: hc tare while it runs")
+        notes.append(NOT_FREE)
     return zero, math.nan, math.nan, notes
+
+
+def _moved(zero: float, by: float) -> float:
+    """Return a zero that was found to be off; NaN where it is not known, and nothing was found."""
+    return zero if by == 0.0 else by + (0.0 if math.isnan(zero) else zero)
 
 
 def _described(

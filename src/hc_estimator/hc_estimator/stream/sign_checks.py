@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hc_estimator.stream.free_motion import DOWN_SHARE, free_motion, going_down
+from hc_estimator.stream.friction_checks import find_friction
 from hc_estimator.stream.readings import (
     Check,
     FloatArray,
@@ -18,6 +19,8 @@ RELATED = 0.4
 """Correlation of force and depth from which on the tool is in contact for a good part."""
 _CLEAR_OF_NOISE = 10.0
 _LONGEST_SHARE = 8
+_ELSEWHERE = 10.0
+"""Strokes: further from zero a position counts from somewhere else than near the surface."""
 
 
 def turned_channels(
@@ -47,7 +50,7 @@ def turned_channels(
         )
         return [Suspicion(Check.SIGN, "displacement", sentence, -1.0)]
     below = -low > 2.0 * max(high, 0.0) and -shallow > 2.0 * max(deep, 0.0)
-    unknown = 1.0 if below else 0.0
+    unknown = 1.0 if below and -deep < _ELSEWHERE * (deep - shallow) else 0.0
     if related > RELATED and (yield from pressed_way(depth, newtons, unknown)) > 0.0:
         sentence = (
             f"force and displacement go down together, to {low:.3g} N and {shallow:.3g} mm: turn "
@@ -67,12 +70,13 @@ def _pulls(depth: FloatArray, newtons: FloatArray) -> Parts[bool]:
 def pressed_way(depth: FloatArray, newtons: FloatArray, unknown: float) -> Parts[float]:
     """Say, in parts, whether two channels that go together are both turned round.
 
-    A force that is flat at one end of the motion is free there, whatever its zero.
+    A force that is flat at one end of the motion is free there, whatever its zero; friction of a
+    cannula makes none flat, and is the same on each way where the tool is free.
 
     Args:
         depth: penetration or its negative [mm], shape (n,).
         newtons: force or its negative, turned so that it grows with the depth, shape (n,).
-        unknown: what to return if no end is flat, or both are.
+        unknown: what to return if no end is free, or both are.
 
     Returns:
         -1 if neither is turned, 1 if both are.
@@ -83,9 +87,14 @@ def pressed_way(depth: FloatArray, newtons: FloatArray, unknown: float) -> Parts
     has_way = np.mean(going_down(-depth)) > DOWN_SHARE
     turned = (yield from free_motion(-depth, -newtons)) if has_way else None
     yield
-    if (right is None) == (turned is None):
+    free, free_turned = right is not None, turned is not None
+    if not (free or free_turned):
+        free = (yield from find_friction(depth, newtons)) is not None
+        yield
+        free_turned = (yield from find_friction(-depth, -newtons)) is not None
+    if free == free_turned:
         return unknown
-    return 1.0 if right is None else -1.0
+    return -1.0 if free else 1.0
 
 
 def _holds_at_rest(depth: FloatArray, newtons: FloatArray, related: float) -> bool:

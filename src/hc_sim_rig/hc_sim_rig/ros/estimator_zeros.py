@@ -12,7 +12,7 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from hc_msgs_py.qos import CONFIGURATION_QOS
+from hc_msgs_py.qos import CONFIGURATION_QOS, SERVICE_QOS
 from hc_msgs_py.topics import CONFIGURATION, EVENTS, NODE_ESTIMATOR
 
 LOOK_PERIOD_S = 0.1
@@ -51,8 +51,12 @@ class EstimatorZeros:
         self._revision = self.lives = 0
         self.found = not find_surface
         self.zero_mm: float | None = None
-        self._surface_client = node.create_client(Trigger, f"{NODE_ESTIMATOR}/find_surface")
-        self._zero_client = node.create_client(GetParameters, f"{NODE_ESTIMATOR}/get_parameters")
+        self._surface_client = node.create_client(
+            Trigger, f"{NODE_ESTIMATOR}/find_surface", qos_profile=SERVICE_QOS
+        )
+        self._zero_client = node.create_client(
+            GetParameters, f"{NODE_ESTIMATOR}/get_parameters", qos_profile=SERVICE_QOS
+        )
         node.create_subscription(EstimatorEvent, EVENTS, self._on_event, CONFIGURATION_QOS)
         node.create_subscription(
             EstimatorConfiguration, CONFIGURATION, self._on_configuration, CONFIGURATION_QOS
