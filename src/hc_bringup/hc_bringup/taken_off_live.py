@@ -9,7 +9,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from hc_bringup.recording_input import COMPLIANCE, FRICTION, OF_A_TABLE, ZEROS
+from hc_bringup.recording_input import OF_A_TABLE, ZEROS
+from hc_bringup.robot_mechanics import COMPLIANCE, FRICTION
 
 
 def not_taken_off(recording: Any, arguments: argparse.Namespace) -> str:
