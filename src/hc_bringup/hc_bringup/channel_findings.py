@@ -22,8 +22,17 @@ _LONGEST = 20_000
 """Samples that the slow comparison of the channels gets."""
 
 
-def between_channels(samples: Samples, before: Estimated | None) -> list[Finding]:
-    """Look for a delay, and for zeros that the checks cannot see."""
+def between_channels(
+    samples: Samples, before: Estimated | None, *, fits_no_worse: bool
+) -> list[Finding]:
+    """Look for a delay, and for zeros that the checks cannot see.
+
+    Args:
+        samples: readings as far as they were put right; they are put right.
+        before: what they give.
+        fits_no_worse: whether nothing is a delay with which the law fits less of the contact:
+            something else looked late.
+    """
     try:
         even = evenly_spaced(*unbroken(samples.time_s, samples.displacement_mm, samples.force_n))
         if not (moves(even[1]) and moves(even[2])):
@@ -44,8 +53,8 @@ def between_channels(samples: Samples, before: Estimated | None) -> list[Finding
         drifts = delay_that_grows(even, _LONGEST, found.delay_s, found.delay_std_s)
         if drifts:
             return [Finding(drifts)]
-        finding, before = _delayed(samples, before, left_s, found.delay_std_s)
-        findings.append(finding)
+        delayed, before = _delayed(samples, before, left_s, found.delay_std_s, fits_no_worse)
+        findings += delayed
     for name, key, value, deviation, unit in (
         ("zero", "force.zero", found.zero_n, found.zero_std_n, "N"),
         ("contact", "position.zero", found.contact_mm, found.contact_std_mm, "mm"),
@@ -76,15 +85,24 @@ def between_channels(samples: Samples, before: Estimated | None) -> list[Finding
 
 
 def _delayed(
-    samples: Samples, before: Estimated | None, left_s: float, deviation_s: float
-) -> tuple[Finding, Estimated | None]:
+    samples: Samples,
+    before: Estimated | None,
+    left_s: float,
+    deviation_s: float,
+    fits_no_worse: bool,
+) -> tuple[list[Finding], Estimated | None]:
     """Let the force be so much earlier [s]; return what was found, and the estimate then."""
     late = "force" if left_s > 0.0 else "position"
     settings = {f"{late}.time_offset": -round(abs(left_s), 4)}
-    samples.shift_force(-left_s)
-    after = samples.estimate()
+    aligned = dataclasses.replace(samples)
+    aligned.shift_force(-left_s)
+    after = aligned.estimate()
+    if fits_no_worse and fits_worse(before, after):
+        return [], before
+    samples.time_s, samples.displacement_mm = aligned.time_s, aligned.displacement_mm
+    samples.force_n = aligned.force_n
     cost = cost_of(before, after, True)
-    return Finding(Delay(left_s, deviation_s, 1).late, settings, cost), after
+    return [Finding(Delay(left_s, deviation_s, 1).late, settings, cost)], after
 
 
 def _by_the_filter(samples: Samples, before: Estimated | None) -> list[Finding]:
@@ -94,7 +112,7 @@ def _by_the_filter(samples: Samples, before: Estimated | None) -> list[Finding]:
     left_s = before.delay_s - samples.known_delay_s
     if abs(left_s) <= max(CLEAR_DELAY_S, CLEAR * before.delay_std_s):
         return []
-    return [_delayed(samples, before, left_s, before.delay_std_s)[0]]
+    return _delayed(samples, before, left_s, before.delay_std_s, fits_no_worse=False)[0]
 
 
 def at_all_places(

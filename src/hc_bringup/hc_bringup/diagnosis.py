@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hc_bringup.channel_findings import at_all_places, between_channels
-from hc_bringup.finding import DISTURBED_SHARE, SYMBOLS, Finding, cost_of
+from hc_bringup.finding import DISTURBED_SHARE, SYMBOLS, Finding, cost_of, fits_worse
 from hc_bringup.force_error import dishonest_line
 from hc_bringup.held_tool import relaxing_line
 from hc_bringup.treated_samples import FORCE_LIMIT, MOTION, Estimated, FloatArray, Samples
@@ -107,7 +107,7 @@ def diagnose(
     if untouched is not None:
         return Diagnosis((untouched,), None, (), 0.0)
     aligned = dataclasses.replace(samples)
-    found = _judged(samples, force_limit_n, counted_once)
+    found, unaligned = _judged(samples, force_limit_n, counted_once)
     offset = next((f for f in found.findings if _offset_s(f)), None)
     if offset is None:
         return found
@@ -118,7 +118,10 @@ def diagnose(
         readings = (usable(name, unit, aligned.time_s, c) for name, unit, c in channels)
         if whole(find_tool_motion(*readings)) is None:
             return found
-    again = _judged(aligned, force_limit_n, counted_once)
+    again, _ = _judged(aligned, force_limit_n, counted_once)
+    if fits_worse(unaligned, again.estimated):  # what was no tissue looked late
+        others = tuple(finding for finding in found.findings if finding is not offset)
+        return dataclasses.replace(found, findings=others, estimated=unaligned)
     return dataclasses.replace(again, findings=(offset, *again.findings))
 
 
@@ -131,8 +134,10 @@ def _offset_s(finding: Finding) -> float:
     return of_force - of_position
 
 
-def _judged(samples: Samples, force_limit_n: float, counted_once: Collection[str]) -> Diagnosis:
-    """Judge readings, and put them right as far as that can be done."""
+def _judged(
+    samples: Samples, force_limit_n: float, counted_once: Collection[str]
+) -> tuple[Diagnosis, Estimated | None]:
+    """Judge readings, put right as far as that can be; and what they give without a delay."""
     surface_std_mm = samples.surface_std_mm
     findings: list[Finding] = []
     treated: set[tuple[Check, str, float, float]] = set()
@@ -153,7 +158,7 @@ def _judged(samples: Samples, force_limit_n: float, counted_once: Collection[str
         nothing_moves = doubt.check is Check.STUCK and doubt.channel == "both"
         # Every other word would be of the other channel, or of nothing.
         if doubt.check is Check.EXCHANGED or nothing_moves:
-            return Diagnosis((*findings, Finding(doubt.sentence)), None, (), 0.0)
+            return Diagnosis((*findings, Finding(doubt.sentence)), None, (), 0.0), None
         treated.add((doubt.check, doubt.channel, doubt.since_s, doubt.until_s))
         settings = samples.put_right(doubt)
         mended = bool(settings) or doubt.check is Check.ZERO_STEP
@@ -164,7 +169,8 @@ def _judged(samples: Samples, force_limit_n: float, counted_once: Collection[str
         before = after
     after = before
     if not (spoilt or samples.limits):  # a force that goes no further looks late
-        findings += between_channels(samples, before)
+        moved = any(name in finding.settings for finding in findings for name in MOVES_WITH)
+        findings += between_channels(samples, before, fits_no_worse=not moved)
         after = samples.estimate()
         late = at_all_places(samples, after, findings)
         if late:
@@ -207,7 +213,8 @@ def _judged(samples: Samples, force_limit_n: float, counted_once: Collection[str
             finding.settings.update(samples.limits)  # as the forces count in the end
     if samples.surface_std_mm != surface_std_mm:
         _say_deviation(findings, samples.surface_std_mm)
-    return Diagnosis(tuple(findings), after, tuple(plans), depth, samples.surface_std_mm)
+    told = Diagnosis(tuple(findings), after, tuple(plans), depth, samples.surface_std_mm)
+    return told, before
 
 
 def _say_deviation(findings: list[Finding], surface_std_mm: float) -> None:
