@@ -222,15 +222,19 @@ def field_values(fields, value, path=()):
             yield from field_values(inner, here, (*path, field.name))
 
 
-@pytest.mark.timeout(300)  # 44 s alone: a state of 21,000 numbers is restored 350 times
 @pytest.mark.parametrize("filter_name", ["self_tuning_ukf", "ukf"])
 def test_every_number_out_of_its_range_is_refused(filter_name):
-    """Each whole number beyond either end, each other number that is none, one at a time."""
+    """Each whole number beyond either end, each other number that is none, one at a time.
+
+    By the part of the memory that holds it, and in every tenth field by the whole estimator: a
+    state of 21,000 numbers restored for each of them took 44 s.
+    """
     estimator = hc.create_estimator(filter_name)
     estimator.run(*readings(400))
     before = json.dumps(estimator.state())
     plain = json.loads(before)
     fields = FILTERS[filter_name].memory or FIELDS
+    parts = {field.name: (field,) for field in fields}
     seen = set()
     for count, (field, path) in enumerate(field_values(fields, plain["memory"])):
         if tuple(step for step in path if isinstance(step, str)) in seen:
@@ -246,8 +250,12 @@ def test_every_number_out_of_its_range_is_refused(filter_name):
                 holder = holder[step]
             good = holder[path[-1]]
             holder[path[-1]] = np.full(field.shape, number).tolist()
-            with pytest.raises(ValueError, match=f"damaged state: {field.name} is not"):
-                estimator.restore(plain)
+            part = parts[path[0]]
+            with pytest.raises(ValueError, match=f"^{field.name} is not"):
+                memory.from_plain(plain["memory"], part, np.zeros(1, memory.record_type(part))[0])
+            if len(seen) % 10 == 0:
+                with pytest.raises(ValueError, match=f"damaged state: {field.name} is not"):
+                    estimator.restore(plain)
             holder[path[-1]] = good
     assert json.dumps(estimator.state()) == before  # nothing of it was taken
     estimator.restore(plain)

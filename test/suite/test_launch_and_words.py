@@ -30,6 +30,7 @@ SOURCES = (
     "hc_bringup/hc_bringup/robot_mechanics.py",
     "hc_bringup/hc_bringup/live_check.py",
     "hc_bringup/hc_bringup/diagnosis.py",
+    "hc_bringup/hc_bringup/channel_findings.py",
     "hc_bringup/hc_bringup/other_damping.py",
     "hc_bringup/hc_bringup/held_tool.py",
     "hc_bringup/hc_bringup/force_error.py",
