@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from presses_from_air import TROUBLES, nothing, presses, readings, relaxing, steps
 
 from hc_estimator.stream.readings import Check, usable, whole
@@ -97,6 +99,8 @@ def test_what_is_seldom_uneven_or_short_is_none():
     assert found(time_s[twice], place[twice], force[twice]) is None  # stamps that do not go on
     back = found(time_s[::-1], place[::-1], force[::-1])
     assert back is None
+    at_once = usable("force", "N", np.full(len(time_s), 3.21), force)  # regression: an IndexError
+    assert whole(find_tool_motion(usable("displacement", "mm", time_s, place), at_once)) is None
 
 
 @pytest.mark.parametrize(("channel", "count"), [(0, 8), (1, 60)])
@@ -108,3 +112,24 @@ def test_spikes_hide_nothing(channel, count):
     one = found(time_s, place, force)
     assert one.damping == pytest.approx(0.01, rel=0.03)
     assert one.mass_kg == pytest.approx(0.3, rel=0.05)
+
+
+SIZES = st.sampled_from([0.0, 1e-300, 1e-6, 1.0, 1e6, 9e11])
+
+
+@given(st.integers(0, 10**6), SIZES, SIZES, SIZES, st.integers(1, 400), st.integers(100, 900))
+@settings(max_examples=60, deadline=None)
+def test_nonsense_is_looked_at_without_an_error(seed, step, size_mm, size_n, few, count):
+    """Stamps that repeat, channels that stand or jump, numbers of any size."""
+    random = np.random.default_rng(seed)
+    time_s = np.cumsum(random.choice([0.0, 1.0, 1.0, 1.0, 50.0], count)) * step
+    even_s = np.arange(count) * max(step, 1e-9)
+    place = size_mm * np.cumsum(random.standard_normal(count))
+    force = size_n * random.choice([0.0, 1.0, -1.0, 3.0], count)
+    force[: count // 2] = force[0]
+    with np.errstate(all="ignore"):
+        for stamps in (time_s, even_s):
+            displacement = usable("displacement", "mm", stamps, place)
+            for of_force in (stamps, np.full(count, stamps[few % count])):
+                one = whole(find_tool_motion(displacement, usable("force", "N", of_force, force)))
+                assert one is None or np.isfinite(one).all()

@@ -132,7 +132,7 @@ def find_tool_motion(displacement: Readings, force: Readings) -> Parts[FoundMoti
     fast, hard = (
         float(np.quantile(np.abs(values), FASTEST)) for values in (rows.speed, rows.acceleration)
     )
-    if not (fast > 0.0 and hard > 0.0):
+    if not (fast > 0.0 and hard > 0.0 and np.ptp(rows.time_s) > 0.0):
         return None
     low, high = robust_range(rows.depth)
     range_n = float(np.subtract(*robust_range(rows.newtons)[::-1]))
