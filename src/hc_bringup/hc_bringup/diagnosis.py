@@ -213,8 +213,8 @@ def _judged(
             finding.settings.update(samples.limits)  # as the forces count in the end
     if samples.surface_std_mm != surface_std_mm:
         _say_deviation(findings, samples.surface_std_mm)
-    told = Diagnosis(tuple(findings), after, tuple(plans), depth, samples.surface_std_mm)
-    return told, before
+    diagnosis = Diagnosis(tuple(findings), after, tuple(plans), depth, samples.surface_std_mm)
+    return diagnosis, before
 
 
 def _say_deviation(findings: list[Finding], surface_std_mm: float) -> None:
