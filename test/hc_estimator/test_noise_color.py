@@ -1,5 +1,6 @@
 """Noise whose neighbours go together: how much of it counts for a tool's motion, and for K."""
 
+import numba
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz
@@ -26,11 +27,17 @@ def taken(readings, touches=None, rate=RATE, short_times=False):
     noise_color.restart(color)
     if short_times:
         noise_color.limit_to_short_times(color)
-    for k, reading in enumerate(readings):
-        difference_noise.learn(settings, channel, k / rate, reading, k == 0, 1e-9)
-        inside = True if touches is None else touches[k]
-        noise_color.learn(color, channel, reading, inside)
+    inside = np.ones(len(readings), np.bool_) if touches is None else np.asarray(touches)
+    take(settings, channel, color, np.asarray(readings), rate, inside)
     return channel, color
+
+
+@numba.njit
+def take(settings, channel, color, readings, rate, inside):
+    """Take all readings in; called for each of a million from Python it took a minute."""
+    for k in range(len(readings)):
+        difference_noise.learn(settings, channel, k / rate, readings[k], k == 0, 1e-9)
+        noise_color.learn(color, channel, readings[k], inside[k])
 
 
 def filtered(generator, count, time_constant, rate=RATE):
