@@ -24,6 +24,8 @@ SPIKE = 20.0
 for an instant."""
 SHOW_SPIKE = 2
 """Readings after one, which show it."""
+FEWEST = 10
+"""Readings, before which nobody knows what is usual."""
 _WEIGHT = 0.02
 """Of a reading, in the mean of how far they usually are off."""
 _ROWS = 8192
@@ -42,7 +44,7 @@ class LocalCubic:
     def clear(self) -> None:
         """Forget all readings."""
         self._first = self._end = 0
-        self._usual_mm = 0.0
+        self._usual_mm, self._taken = 0.0, 0
         self._off_mm = (0.0, 0.0)  # of the last reading but two, and but one
 
     def add(self, stamp_ns: int, place_mm: float) -> None:
@@ -61,16 +63,18 @@ class LocalCubic:
 
     def _leave_spike_out(self, stamp_ns: int, place_mm: float) -> None:
         """Leave out the last reading but one if it is one, as those after it show."""
-        off_mm, most_mm = self._off_line(stamp_ns, place_mm), SPIKE * self._usual_mm
+        off_mm = self._off_line(stamp_ns, place_mm)
+        most_mm = SPIKE * self._usual_mm if self._taken >= FEWEST else math.inf
         before_mm, spike_mm = self._off_mm
-        if most_mm and spike_mm > most_mm and spike_mm >= max(before_mm, off_mm):
+        if 0.0 < most_mm < spike_mm and spike_mm >= max(before_mm, off_mm):
             last = self._end - 1
             for column in (self._stamps, self._places):
                 column[last - 1] = column[last]
             self._end, spike_mm = last, 0.0
             off_mm = self._off_line(stamp_ns, place_mm)
-        more_mm = min(off_mm, most_mm) if most_mm else off_mm
-        self._usual_mm += (_WEIGHT if most_mm else 1.0) * (more_mm - self._usual_mm)
+        self._taken += 1
+        weight = max(_WEIGHT, 1.0 / self._taken)
+        self._usual_mm += weight * (min(off_mm, most_mm or off_mm) - self._usual_mm)
         self._off_mm = (spike_mm, off_mm)
 
     def _off_line(self, stamp_ns: int, place_mm: float) -> float:
