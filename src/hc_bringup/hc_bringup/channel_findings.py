@@ -99,8 +99,7 @@ def _delayed(
     after = aligned.estimate()
     if fits_no_worse and fits_worse(before, after):
         return [], before
-    samples.time_s, samples.displacement_mm = aligned.time_s, aligned.displacement_mm
-    samples.force_n = aligned.force_n
+    samples.shift_force(-left_s)
     cost = cost_of(before, after, True)
     return [Finding(Delay(left_s, deviation_s, 1).late, settings, cost)], after
 

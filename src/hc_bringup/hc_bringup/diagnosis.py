@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,8 @@ from hc_bringup.channel_findings import at_all_places, between_channels
 from hc_bringup.finding import DISTURBED_SHARE, SYMBOLS, Finding, cost_of, fits_worse
 from hc_bringup.force_error import dishonest_line
 from hc_bringup.held_tool import relaxing_line
-from hc_bringup.treated_samples import FORCE_LIMIT, MOTION, Estimated, FloatArray, Samples
+from hc_bringup.robot_mechanics import MOVES_WITH
+from hc_bringup.treated_samples import FORCE_LIMIT, Estimated, FloatArray, Samples
 from hc_estimator import PARAMETER_NAMES, Rejection
 from hc_estimator.stream.readings import (
     LEAST_SAMPLES,
@@ -25,16 +26,11 @@ from hc_estimator.stream.readings import (
     moves,
     noise,
     robust_range,
-    usable,
-    whole,
 )
 from hc_estimator.stream.sanity import check_samples
-from hc_estimator.stream.tool_motion_checks import find_tool_motion
 from hc_evaluation.forecast import Forecast, forecast
 
 MOST_REMEDIES = 5
-MOVES_WITH = (*MOTION.values(), "force.dry_friction")
-"""What is taken off by the motion."""
 NOISE_ALONE = 6.5
 """The range (99 %) of white noise is 5.2 times its deviation."""
 SPOILT = (
@@ -113,16 +109,18 @@ def diagnose(
         return found
     # Mass, drag and friction are those of the motion at a force's own time.
     aligned.shift_force(_offset_s(offset))
-    if not any(name in finding.settings for finding in found.findings for name in MOVES_WITH):
-        channels = ("displacement", "mm", aligned.displacement_mm), ("force", "N", aligned.force_n)
-        readings = (usable(name, unit, aligned.time_s, c) for name, unit, c in channels)
-        if whole(find_tool_motion(*readings)) is None:
-            return found
+    if not _moves_with(found.findings) and aligned.tool_motion() is None:
+        return found
     again, _ = _judged(aligned, force_limit_n, counted_once)
     if fits_worse(unaligned, again.estimated):  # what was no tissue looked late
         others = tuple(finding for finding in found.findings if finding is not offset)
         return dataclasses.replace(found, findings=others, estimated=unaligned)
     return dataclasses.replace(again, findings=(offset, *again.findings))
+
+
+def _moves_with(findings: Iterable[Finding]) -> bool:
+    """Whether anything was taken off by the motion."""
+    return any(name in finding.settings for finding in findings for name in MOVES_WITH)
 
 
 def _offset_s(finding: Finding) -> float:
@@ -169,8 +167,7 @@ def _judged(
         before = after
     after = before
     if not (spoilt or samples.limits):  # a force that goes no further looks late
-        moved = any(name in finding.settings for finding in findings for name in MOVES_WITH)
-        findings += between_channels(samples, before, fits_no_worse=not moved)
+        findings += between_channels(samples, before, fits_no_worse=not _moves_with(findings))
         after = samples.estimate()
         late = at_all_places(samples, after, findings)
         if late:

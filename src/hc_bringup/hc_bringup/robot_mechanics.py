@@ -15,6 +15,8 @@ FRICTION = ("force.dry_friction", "force.presliding")
 MOTION = ("force.moving_mass", "force.damping")
 MECHANICS = (COMPLIANCE, *FRICTION, *MOTION)
 """Settings of what lies between tissue and sensors, by their names below `input.`."""
+MOVES_WITH = (FRICTION[0], *MOTION)
+"""Those that take off what the motion at a force's own time makes of it."""
 
 
 def less_mechanics(recording: Any, settings: Mapping[str, Any], *, of_samples: bool) -> Any:

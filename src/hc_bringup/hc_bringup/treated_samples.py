@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_bringup.force_error import settled
+from hc_bringup.robot_mechanics import MOTION
 from hc_bringup.terminal.numbers import rounded
 from hc_estimator import Rejection, create_estimator
 from hc_estimator.kinds import DEFAULT_FILTER
@@ -23,11 +24,11 @@ from hc_estimator.stream.repeats import once_each
 from hc_estimator.stream.sensor_setup import SURFACE_SHARE
 from hc_estimator.stream.together import of_two_readings, together
 from hc_estimator.stream.tool_motion import ToolMotion
-from hc_estimator.stream.tool_motion_checks import find_tool_motion
+from hc_estimator.stream.tool_motion_checks import FoundMotion, find_tool_motion
 from hc_msgs_py.units import NANOSECONDS
 
 FloatArray = NDArray[np.float64]
-MOTION = {Check.INERTIA: "force.moving_mass", Check.DAMPING: "force.damping"}
+OF_MOTION = dict(zip((Check.INERTIA, Check.DAMPING), MOTION, strict=True))
 """What takes off what moving the tool takes."""
 FORCE_LIMIT = "force_limit"
 """The estimator's setting beyond which a force is refused [N]."""
@@ -135,8 +136,8 @@ class Samples:
             if doubt.channel in ("force", "both"):
                 self.scale_force(doubt.remedy)
                 settings[f"force.{name}"] = value
-        elif doubt.check in MOTION:
-            settings |= self.take_motion(MOTION[doubt.check], float(f"{doubt.remedy:.3g}"))
+        elif doubt.check in OF_MOTION:
+            settings |= self.take_motion(OF_MOTION[doubt.check], float(f"{doubt.remedy:.3g}"))
         elif doubt.check is Check.FRICTION:
             settings |= self.take_friction()
         elif doubt.check is Check.FORCE_ZERO:
@@ -150,12 +151,16 @@ class Samples:
             settings["position.zero"] = rounded(doubt.remedy, 3)
         return settings
 
+    def tool_motion(self) -> FoundMotion | None:
+        """Return what moving the tool takes of the force, as the air shows it."""
+        displacement = usable("displacement", "mm", self.time_s, self.displacement_mm)
+        return whole(
+            find_tool_motion(displacement, usable("force", "N", self.time_s, self.force_n))
+        )
+
     def take_motion(self, name: str, value: float) -> dict[str, Any]:
         """Take off what moving the tool takes by one of its settings; return that setting."""
-        channels = ("displacement", "mm", self.displacement_mm), ("force", "N", self.force_n)
-        found = whole(
-            find_tool_motion(*(usable(n, unit, self.time_s, v) for n, unit, v in channels))
-        )
+        found = self.tool_motion()
         motion = ToolMotion()
         motion.configure({f"input.{name}": value})
         stamps_ns = np.round(self.time_s * NANOSECONDS).astype(np.int64)

@@ -290,10 +290,10 @@ def _estimated(task: Task, variant: Variant, recording: Any, name: Path) -> dict
     if not reason:
         data = by_site.data if by_site else of_series(recording, estimator, series, tip)
         contacts = find_contacts(data, contact_rules(task.arguments))
-    said = [*filter(None, (not_taken_off(recording, task.arguments),))]
-    said += [s.sentence for s in suspicions]
+    said = (not_taken_off(recording, task.arguments), *(s.sentence for s in suspicions))
     result = _failure(reason)
-    result["notes"] = [_about(task, line) for line in (*recording.findings.lines(), *said)]
+    lines = filter(None, (*recording.findings.lines(), *said))
+    result["notes"] = [_about(task, line) for line in lines]
     result["recording"] = _row(recording, summary, len(contacts))
     if reason:  # whoever takes a column of numbers for results is to find none
         result["recording"] |= dict.fromkeys(_OF_THE_TISSUE, math.nan)

@@ -131,7 +131,7 @@ def run(arguments: argparse.Namespace) -> int:
             # The name is new; one that is started again after it died finds its own first bag.
             {
                 "output": str(bag),
-                "custom_data": custom_data(plan),
+                "custom_data": custom_data(plan, scenario),
                 "when_exists": "number",
                 "remove_empty": True,
             },
@@ -281,11 +281,17 @@ def with_dashboard(plan: Any, arguments: argparse.Namespace) -> Any:
 
 def scenario_name(plan: Any) -> str:
     """Return the name of the rig's scenario; empty without a rig."""
+    settings = rig_settings(plan)
+    return "" if settings is None else Path(settings["scenario"]).stem
+
+
+def rig_settings(plan: Any) -> dict[str, Any] | None:
+    """Return the settings of a run's rig, the scenario's name among them; None without a rig."""
     rig = plan.node("indenter")
     if rig is None:
-        return ""
+        return None
     settings = file_parameters(rig) | dict(rig.parameters)
-    return Path(str(settings.get("scenario", "multisine"))).stem
+    return settings | {"scenario": str(settings.get("scenario", "multisine"))}
 
 
 def new_bag_folder(given: str | None, option: str = "--bag") -> Path:
@@ -308,11 +314,12 @@ def new_bag_folder(given: str | None, option: str = "--bag") -> Path:
     return folder
 
 
-def custom_data(plan: Any) -> list[str]:
+def custom_data(plan: Any, scenario: Any) -> list[str]:
     """Return what a bag's metadata say of the run: nothing of this machine.
 
     Args:
         plan: the run.
+        scenario: of its rig (hc_sim_rig.scenario.Scenario); None without a rig.
 
     Returns:
         Entries of the form key=value: the configuration, and scenario and seed of the rig.
@@ -327,12 +334,10 @@ def custom_data(plan: Any) -> list[str]:
         for node in plan.nodes
     ]
     entries = [f"configuration={json.dumps(configuration, sort_keys=True)}"]
-    rig = plan.node("indenter")
-    scenario = rig_scenario(plan)
-    if rig is not None and scenario is not None:
-        settings = file_parameters(rig) | dict(rig.parameters)
-        name = str(settings.get("scenario", "multisine"))
-        entries += [f"scenario={Path(name).name}", f"seed={settings.get('seed', scenario.seed)}"]
+    settings = rig_settings(plan)
+    if settings is not None:
+        seed = settings.get("seed", scenario.seed)
+        entries += [f"scenario={Path(settings['scenario']).name}", f"seed={seed}"]
     return entries
 
 
@@ -345,12 +350,11 @@ def rig_scenario(plan: Any) -> Any:
     from hc_sim_rig.scenario import load_scenario
     from hc_sim_rig.schema import ScenarioError
 
-    rig = plan.node("indenter")
-    if rig is None:
+    settings = rig_settings(plan)
+    if settings is None:
         return None
-    settings = file_parameters(rig) | dict(rig.parameters)
     try:
-        return load_scenario(str(settings.get("scenario", "multisine")))
+        return load_scenario(settings["scenario"])
     except (ScenarioError, OSError) as error:
         raise UserError(str(error), WRONG_USE) from error
 
