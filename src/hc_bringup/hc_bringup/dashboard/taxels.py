@@ -15,14 +15,12 @@ from numpy.typing import NDArray
 
 from hc_bringup.dashboard.palpation import LARGEST_LOG_STD, MAP_COLUMNS
 from hc_bringup.dashboard.taps import Arrival
+from hc_estimator.stream.array_status import why_no_places
 from hc_msgs_py.units import METRE_IN_MM
 from hc_msgs_py.wire_arrays import ArraysDecoder
 
 MOST_SHOWN: Final = 4096
 """Of more taxels only every second, third ... row and column is shown: frames stay bounded."""
-LEAST_PITCH_M: Final = 1e-5
-MOST_PITCH_M: Final = 1.0
-"""Taxels further apart, or closer, are none: the number is wrong, and has no place on a page."""
 
 _PLACE: Final = {name: index for index, name in enumerate(MAP_COLUMNS)}
 
@@ -50,9 +48,8 @@ class TaxelMap:
             except ValueError:
                 self._undecodable += 1
                 continue
-            columns = int(record["columns"])
-            has_places = LEAST_PITCH_M <= record["pitch"] <= MOST_PITCH_M  # false for NaN
-            if not has_places or columns < 1 or len(record["stiffness"]) % columns:
+            columns, pitch_m = int(record["columns"]), float(record["pitch"])
+            if why_no_places(len(record["stiffness"]), columns, pitch_m):
                 self._undecodable += 1
                 continue
             self._add(record)

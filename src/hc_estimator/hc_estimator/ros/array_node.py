@@ -27,8 +27,10 @@ from hc_estimator.ros.compilation import Compilation
 from hc_estimator.ros.inputs import publisher_conflict, why_unmatched
 from hc_estimator.ros.services import add_service
 from hc_estimator.specification import checked_values
-from hc_estimator.stream.array_status import ArrayHealth
+from hc_estimator.stream.array_status import ArrayHealth, why_no_places
 from hc_estimator.stream.array_stream import ArrayStream
+from hc_estimator.stream.array_watch import ArrayWatch
+from hc_estimator.stream.readings import MEANINGS
 from hc_estimator.stream.vocabulary import SessionSettings
 from hc_msgs_py.background import STARTING
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
@@ -105,7 +107,8 @@ class ArrayEstimatorNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._check_kind()
         self._failure: Exception | None = None
         self._skipped = self._undecodable = 0
-        self._health = ArrayHealth()
+        self._health, self._watch = ArrayHealth(), ArrayWatch()
+        self._columns, self._pitch_m = 0, 0.0  # of the newest sample
         self._afresh = ""  # why, the last time
         self._computation, self._latency = DurationHistogram(), DurationHistogram()
         gap_s = SessionSettings.maximum_gap_s
@@ -178,13 +181,14 @@ class ArrayEstimatorNode(Node):  # type: ignore[misc]  # rclpy has no types
             self._frame_id = self._decoder.frame_id
             self._encoder.set_frame(self._frame_id)
         sequence = int(record["sequence"])
+        self._columns, self._pitch_m = int(record["columns"]), float(record["pitch"])
+        displacements_mm = record["displacement"] * METRE_IN_MM
         before = time.perf_counter_ns()
-        series = self._stream.take(
-            stamp_ns, sequence, record["displacement"] * METRE_IN_MM, record["force"]
-        )
+        series = self._stream.take(stamp_ns, sequence, displacements_mm, record["force"])
         spent_ns = time.perf_counter_ns() - before
         if self._stream.fresh is not None:
             self._afresh, self._stream.fresh = self._stream.fresh.reason, None
+            self._watch.forget(len(displacements_mm))
             # Two arrays on one topic start it afresh with every sample.
             self.get_logger().warning(f"started afresh: {self._afresh}", throttle_duration_sec=5.0)
         if series is None:
@@ -201,6 +205,10 @@ class ArrayEstimatorNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._health.add(series.rejected)
         self._computation.add(spent_ns)
         self._latency.add(latency_ns)
+        self._watch.add(stamp_ns, displacements_mm, record["force"])
+        self._watch.add_latency(latency_ns)
+        if self._watch.looking and self._channel is not None and not self._channel.waits:
+            self._watch.go_on()
 
     def _skip(self, number: int) -> None:
         self._skipped += number
@@ -265,6 +273,15 @@ class ArrayEstimatorNode(Node):  # type: ignore[misc]  # rclpy has no types
         }
         silent_s = (time.time_ns() - came_ns) * 1e-9 if came_ns else None
         found = self._health.problems(counts, silent_s=silent_s, afresh=self._afresh)
+        if stream.used and (
+            placeless := why_no_places(stream.taxels, self._columns, self._pitch_m)
+        ):
+            found.append(placeless)
+        for new in self._watch.look(time.monotonic(), self._columns):
+            self.get_logger().warning(f"{new} ({MEANINGS} explains it)")
+        found += self._watch.problems
+        if failure := self._watch.failure:
+            found.append(f"a look at the readings came to nothing: {failure}")
         about_publishers = publisher_conflict([channel]) or why_unmatched(channel)
         return [about_publishers, *found] if about_publishers else found
 

@@ -17,6 +17,30 @@ SILENT_S = 2.0
 SHARE_LATE = 0.05
 MOST_NAMED = 5
 _NO_READING = (Rejection.NOT_FINITE, Rejection.OUT_OF_RANGE)
+LEAST_PITCH_M = 1e-5
+MOST_PITCH_M = 1.0
+"""Taxels further apart, or closer, are none: the number is wrong."""
+
+
+def why_no_places(taxels: int, columns: int, pitch_m: float) -> str:
+    """Return why no map can show where taxels are; empty if one can.
+
+    Args:
+        taxels: how many there are.
+        columns: taxels of a row.
+        pitch_m: from one to the next [m].
+    """
+    if columns < 1 or taxels % columns:
+        return (
+            f"columns = {columns}, of which {taxels} taxels are no whole rows: no map can show "
+            "them; columns is the number of taxels in a row"
+        )
+    if not LEAST_PITCH_M <= pitch_m <= MOST_PITCH_M:  # true for NaN
+        return (
+            f"pitch = {pitch_m:g} m from one taxel to the next: no map can show them; give it in "
+            f"m, {LEAST_PITCH_M:g} to {MOST_PITCH_M:g}"
+        )
+    return ""
 
 
 class ArrayHealth:
