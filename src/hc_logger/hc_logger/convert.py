@@ -13,13 +13,14 @@ from hc_logger.bag import Bag, Columns
 from hc_logger.bag_sensors import has_sensors, how_to_read
 from hc_logger.csv_file import CsvReader, write_csv
 from hc_logger.definitions import installed_definition
-from hc_logger.errors import BagError
+from hc_logger.errors import BagError, WrongOptionError
 from hc_logger.foreign import open_bag
 from hc_logger.layout import encode, records, stamps
 from hc_logger.recording import SAMPLE_FIELDS, sample_topic, stamps_from_seconds
 from hc_logger.sample_arrays import DISPLACEMENT, FORCE, STAMP, sample_blocks
 from hc_logger.selection import TopicSelection, full_name
-from hc_logger.type_names import SAMPLE_TYPE, SAMPLES_TYPE
+from hc_logger.tactile_samples import how_to_read_taxels, rows_of_taxel, tactile_topic
+from hc_logger.type_names import SAMPLE_TYPE, SAMPLES_TYPE, TACTILE_TYPE
 from hc_logger.writer import BagWriter, os_errors
 from hc_msgs_py.topics import FRAME_INDENTER_TIP, SAMPLE
 from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
@@ -158,6 +159,7 @@ def bag_to_csv(
     target: str | os.PathLike[str],
     *,
     topic: str = "",
+    taxel: int | None = None,
     progress: Progress = nothing,
 ) -> tuple[int, list[str]]:
     """Convert the samples of a bag into a CSV recording; its time 0 is the first sample.
@@ -168,6 +170,7 @@ def bag_to_csv(
         source: bag folder or MCAP file, whole or cut off.
         target: CSV file; must not exist.
         topic: topic of the samples; empty takes the only one.
+        taxel: of a tactile array, counted row by row from 0; None for samples of an indenter.
         progress: told the done share.
 
     Returns:
@@ -178,6 +181,8 @@ def bag_to_csv(
         BagError: if the source has no samples or the target exists.
     """
     with open_bag(source) as reader:
+        if taxel is not None:
+            return _taxel_to_csv(reader, target, topic, taxel), reader.problems
         name = full_name(topic) if topic else sample_topic(reader)
         if name is None and has_sensors(reader):
             from hc_logger.sensors import read_sensors  # loads the estimator package
@@ -188,10 +193,33 @@ def bag_to_csv(
         if name is None or name not in reader.topics:
             what = f"no topic {name}" if name else f"no topic of type {SAMPLE_TYPE}"
             has = ", ".join(reader.topics) or "nothing"
-            lacks = "" if topic else how_to_read(reader)
+            lacks = "" if topic else how_to_read_taxels(reader) or how_to_read(reader)
             raise BagError(f"{source} has {what}; it has {has}{lacks}")
+        if reader.topics[name].definition.name == TACTILE_TYPE:
+            raise WrongOptionError(f"{name} has no samples of one tool{how_to_read_taxels(reader)}")
         count = write_csv(target, _rows(reader, name, progress))
         return count, reader.problems
+
+
+def _taxel_to_csv(reader: Bag, target: str | os.PathLike[str], topic: str, taxel: int) -> int:
+    """Write one taxel of a bag as a CSV recording; returns the number of rows.
+
+    Raises:
+        BagError: if the bag has no array's samples, or none with such a taxel.
+    """
+    name = full_name(topic) if topic else tactile_topic(reader)
+    if (
+        name is None
+        or name not in reader.topics
+        or reader.topics[name].definition.name != TACTILE_TYPE
+    ):
+        has = ", ".join(reader.topics) or "nothing"
+        what = f"{name} is no topic" if name else "no topic is"
+        raise WrongOptionError(
+            f"--taxel is for a bag with samples of a tactile array, and {what} of type "
+            f"{TACTILE_TYPE} in {reader.path}; it has {has}"
+        )
+    return write_csv(target, rows_of_taxel(reader, name, taxel))
 
 
 def _rows(reader: Bag, topic: str, progress: Progress) -> Iterator[NDArray[np.float64]]:

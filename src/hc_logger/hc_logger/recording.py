@@ -27,6 +27,7 @@ from hc_logger.other_files import check_there, what_it_is
 from hc_logger.recorded import Recording, findings_of, only_topic
 from hc_logger.sample_arrays import DISPLACEMENT, FORCE, SEQUENCE, STAMP, all_samples
 from hc_logger.selection import full_name
+from hc_logger.tactile_samples import how_to_read_taxels
 from hc_logger.type_names import SAMPLE_TYPE, SAMPLES_TYPE
 from hc_msgs_py.topics import SAMPLE, SAMPLES
 from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
@@ -112,7 +113,7 @@ def _read_bag(path: Path, topic: str, namespace: str) -> Recording:
             what = f"no topic {name}" if name else f"no topic of type {SAMPLE_TYPE}"
             has = ", ".join(reader.topics) or "nothing"
             if not topic:
-                has += how_to_read(reader)
+                has += how_to_read_taxels(reader) or how_to_read(reader)
             raise BagError(f"{path} has {what}; it has {has}{_because(reader)}")
         definition = reader.topics[name].definition
         if definition.name == SAMPLES_TYPE:

@@ -12,7 +12,7 @@ from typing import Any
 
 from hc_bringup import recording_input
 from hc_bringup.errors import WRONG_USE, UserError
-from hc_bringup.options import bag_folder_name, bag_or_csv_name, positive, seconds
+from hc_bringup.options import bag_folder_name, bag_or_csv_name, natural, positive, seconds
 from hc_msgs_py.plain_text import in_one_line
 
 HELP = "look into a bag, repair one that was cut off, convert, filter, merge and split bags"
@@ -37,6 +37,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="bag folder, or a file that ends in .csv",
     )
     convert.add_argument("--topic", default="", metavar="T", help="sample topic, if several")
+    convert.add_argument(
+        "--taxel",
+        type=natural,
+        metavar="N",
+        help="of a tactile array in a bag, counted row by row from 0: its table",
+    )
     recording_input.add_csv_options(convert)
     part = commands.add_parser("filter", help="copy some topics or seconds of a bag")
     part.add_argument("source", metavar="SOURCE", help="bag")
@@ -194,6 +200,8 @@ def _convert(arguments: argparse.Namespace) -> int:
             "--topic is for a bag that becomes CSV; hc bag filter takes some topics of a bag",
             WRONG_USE,
         )
+    if arguments.taxel is not None and (from_csv or not to_csv):
+        raise UserError("--taxel is for a bag that becomes CSV", WRONG_USE)
     if not from_csv and source.exists():
         recording_input.refuse_csv_options(arguments, source)
     reader = CsvReader(source, recording_input.csv_options(arguments)) if from_csv else None
@@ -203,7 +211,9 @@ def _convert(arguments: argparse.Namespace) -> int:
         if reader is not None and to_csv:
             count = write_csv(target, reader.blocks())
         elif to_csv:
-            count, problems = bag_to_csv(source, target, topic=arguments.topic, progress=progress)
+            count, problems = bag_to_csv(
+                source, target, topic=arguments.topic, taxel=arguments.taxel, progress=progress
+            )
         elif reader is not None:
             count = csv_to_bag(source, target, reader=reader, progress=progress)
         else:

@@ -196,6 +196,17 @@ def _refuse_without_samples(bag: str) -> None:
     Raises:
         UserError: always.
     """
+    from hc_logger.foreign import open_bag
+    from hc_logger.tactile_samples import tactile_topic
+
+    with open_bag(bag) as reader:
+        array = tactile_topic(reader)
+    if array is not None:
+        raise UserError(
+            f"{array} of {bag} is of a tactile array, for the node array_estimator: python -m "
+            f"hc_estimator.ros.array_node, and hc replay {bag} beside it",
+            WRONG_USE,
+        )
     raise UserError(
         f"{bag} has no samples (hc_msgs/IndenterSample) for an estimator: hc estimate {bag} "
         "takes its sensors; to see them live, run the estimator that hc setup wrote a file "
