@@ -189,6 +189,30 @@ def test_lost_readings_long_gaps_and_rest_are_no_stamps_of_arrival(rate_hz):
     assert {s.check for s in check_samples(uneven, *still)} == {Check.STUCK}
 
 
+def rate_doubts(time_s):
+    found = check_samples(time_s, *readings(time_s))
+    return [s.sentence for s in found if s.check is Check.RATE]
+
+
+@pytest.mark.parametrize("slower_hz", [200.0, 300.0])
+@pytest.mark.parametrize("pause_s", [0.0, 1.3])
+@pytest.mark.parametrize("slower_first", [False, True])
+def test_a_driver_started_again_with_another_rate_loses_nothing(slower_hz, pause_s, slower_first):
+    """Regression: "comes at 326.6 Hz on average, though mostly every 2 ms: readings are lost"."""
+    parts = [even(500.0, 5.0), even(slower_hz, 9.0 if slower_hz < 250.0 else 5.0)]
+    first, second = reversed(parts) if slower_first else parts
+    assert rate_doubts(np.concatenate([first, first[-1] + 0.005 + pause_s + second])) == []
+
+
+def test_readings_that_are_lost_one_by_one_or_in_a_part_of_the_time_are_said():
+    time_s, rng = even(500.0, 12.0), np.random.default_rng(4)
+    lost = rng.random(time_s.size) < 0.3
+    for use in (~lost, ~(lost & (time_s > 4.0))):
+        of_both = rate_doubts(time_s[use])
+        assert len(of_both) == 2
+        assert all("readings are lost" in said for said in of_both)
+
+
 @pytest.mark.parametrize("name", available_scenarios())
 def test_of_the_scenarios_one_has_a_sensor_whose_range_ends(name):
     series = Rig(load_scenario(name)).run(8.0)

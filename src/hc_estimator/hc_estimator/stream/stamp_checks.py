@@ -42,7 +42,7 @@ def irregular(readings: Readings) -> Parts[str]:
             "the one before, as stamps of arrival do: stamp them when they are measured, or say "
             f"that they are not ({_setting(name)}: arrival)"
         )
-    if mean > 1.2 * usual:
+    if mean > _SLOWER * usual and not _at_rates_in_turn(steps, usual):
         return (
             f"the {name} comes at {1.0 / mean:.4g} Hz on average, though mostly every "
             f"{1e3 * usual:.3g} ms: readings are lost, late or no numbers (NaN)"
@@ -57,6 +57,25 @@ def irregular(readings: Readings) -> Parts[str]:
             "arrival)"
         )
     return ""
+
+
+_SLOWER, _STRETCH = 1.2, 100
+"""Times the usual interval: longer ones are those of a lower rate; and how many of one rate follow
+each other on average where a sensor was started again with another."""
+
+
+def _at_rates_in_turn(steps: FloatArray, usual: float) -> bool:
+    """Whether the longer intervals are those of another even rate, in long stretches of their own.
+
+    A driver that is started again with a lower rate loses nothing.
+    """
+    slow = steps > _SLOWER * usual
+    longer = steps[slow]
+    if np.count_nonzero(np.diff(slow)) > len(longer) / _STRETCH + 2:  # and a pause or two
+        return False
+    slower = float(np.median(longer))
+    within = longer[longer < 20.0 * slower]
+    return float(np.mean(within)) <= _SLOWER * slower
 
 
 def _setting(name: str) -> str:
