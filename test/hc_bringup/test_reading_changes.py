@@ -77,6 +77,7 @@ def recorded(changes, *, pressed_until_s=40.0):
         displacement_mm=place,
         force_n=force + 0.01 * draw.standard_normal(4000),
         reading_changes=changes,
+        counted_once=(),
     )
 
 

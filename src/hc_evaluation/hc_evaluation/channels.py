@@ -327,7 +327,10 @@ def unbroken(
     # Between the end of one gap and the begin of the next; gaps that overlap leave nothing.
     longest = int(np.argmax(stops - starts))
     if stops[longest] - starts[longest] < LEAST_STRETCH_S:
-        raise ValueError("gaps everywhere")
+        raise ValueError(
+            f"gaps everywhere, {stops[longest] - starts[longest]:.2g} s between two of them at "
+            f"most, and a delay takes {LEAST_STRETCH_S:g} s"
+        )
     inside = (time_s >= starts[longest]) & (time_s <= stops[longest])
     return time_s[inside], displacement_mm[inside], force_n[inside]
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import io
+import math
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +35,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from hc_bringup.run_data import estimated, recorded
     from hc_bringup.standard_input import name_of
-    from hc_bringup.unusable import say_unread
+    from hc_bringup.unusable import doubts_of, say_unread
     from hc_logger.new_file import new_file
 
     target = Path(arguments.output)
@@ -46,7 +48,10 @@ def run(arguments: argparse.Namespace) -> int:
     data = None if estimate.is_asked_for(arguments) else recorded(recording)
     if data is None:
         data = estimated(recording, estimate.make_estimator(arguments, recording))
-    content = _content(data, target.suffix.lower(), command_line(arguments))
+    doubts = doubts_of(recording, float(data.settings.get("force_limit", math.inf)))
+    for doubt in doubts:
+        print(f"{name_of(arguments)}: {doubt.sentence}", file=sys.stderr)
+    content = _content(data, doubts, target.suffix.lower(), command_line(arguments))
     try:
         with new_file(target) as file:
             file.write(content)
@@ -56,11 +61,11 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _content(data: Any, suffix: str, command: list[str]) -> bytes:
+def _content(data: Any, doubts: list[Any], suffix: str, command: list[str]) -> bytes:
     if suffix == ".html":
         from hc_bringup.report.run_page import run_page
 
-        return run_page(data, command).encode("utf-8", "replace")
+        return run_page(data, command, doubts).encode("utf-8", "replace")
     from hc_bringup.picture import draw
     from hc_sim_rig.picture_style import DPI
 

@@ -21,6 +21,7 @@ from hc_bringup.report.rows import column_blocks, map_cells, page_contacts, page
 from hc_bringup.report.verdict import Sentence, settled, verdict
 from hc_bringup.run_data import RunData
 from hc_bringup.terminal.numbers import decimals_of, engineering, fixed, with_spread
+from hc_estimator.stream.readings import Suspicion
 from hc_evaluation.channels import ChannelDiagnosis, diagnose_channels, evenly_spaced, unbroken
 from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
 
@@ -30,12 +31,13 @@ UNEXPLAINED: Final = 2.0
 UNITS: Final = ("N/mmⁿ", "N(s/mm)ᵖ/mmⁿ", "", "")
 
 
-def run_page(data: RunData, command: Sequence[str]) -> str:
+def run_page(data: RunData, command: Sequence[str], doubts: Sequence[Suspicion] = ()) -> str:
     """Return the page of a run.
 
     Args:
         data: the run.
         command: the command line that makes it, for who wants to make it again.
+        doubts: what of its readings cannot be right.
     """
     contacts = find_contacts(data, WORTH_A_ROW)
     channels, why_not = _diagnosis(data)
@@ -62,9 +64,8 @@ def run_page(data: RunData, command: Sequence[str]) -> str:
         "truth": data.truth is not None,
         "pieces": _pieces(data),
     }
-    body = _body(
-        data, verdict(data, contacts, channels, found), _map_panel(cells, contacts, depth_mm)
-    )
+    said = verdict(data, contacts, channels, found, doubts)
+    body = _body(data, said, _map_panel(cells, contacts, depth_mm))
     body += _tables(data, contacts, channels, why_not, command)
     return render(data.title, body, content, PANELS, "report.js")
 

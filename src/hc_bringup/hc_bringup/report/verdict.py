@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from enum import Enum
 from typing import Any, Final, NamedTuple
@@ -15,11 +16,13 @@ from hc_bringup.place_delay import APART_MM
 from hc_bringup.report.contacts import Contact
 from hc_bringup.report.palpation_map import StiffnessMap
 from hc_bringup.run_data import RunData
+from hc_bringup.summary import why_unusable
 from hc_bringup.terminal.numbers import engineering, with_spread
 from hc_bringup.zero_effect import effect_in
 from hc_bringup.zero_words import Zeros
 from hc_estimator.stream.both_channels import check_both
-from hc_estimator.stream.readings import Check
+from hc_estimator.stream.readings import Check, Suspicion
+from hc_estimator.stream.sanity import HELD_BACK
 from hc_evaluation.metrics import chi_square_band
 from hc_logger.info import LONGEST_COUNTED_GAP, counts
 
@@ -39,6 +42,11 @@ APART: Final = 0.1
 DEVIATIONS: Final = 5.0
 """Of the force: from where on filter and one fit do not say the same."""
 LEAST_NIS: Final = 50
+_ALLOWED_FOR: Final = (
+    *(Check.FORCE_ZERO, Check.POSITION_ZERO, Check.ZERO_STEP),
+    *(Check.PAUSE, Check.RATE, Check.QUANTISATION),
+)
+"""What is doubted, and estimated beside the parameters or weighed by the filter."""
 TOO_GOOD_NIS: Final = 0.5
 """Mean NIS of readings that hardly change, or of noises that were told far too large."""
 
@@ -59,7 +67,11 @@ class Sentence(NamedTuple):
 
 
 def verdict(
-    data: RunData, contacts: Sequence[Contact], channels: Any | None, found: StiffnessMap | None
+    data: RunData,
+    contacts: Sequence[Contact],
+    channels: Any | None,
+    found: StiffnessMap | None,
+    given: Sequence[Suspicion] = (),
 ) -> list[Sentence]:
     """Return the verdict on a run, the most important first.
 
@@ -68,16 +80,23 @@ def verdict(
         contacts: its contacts.
         channels: hc_evaluation.channels.ChannelDiagnosis, or None where it cannot be made.
         found: the palpation map, or None where there is none.
+        given: what of the readings cannot be right, by whoever looked at all of them.
     """
+    unusable = why_unusable((doubt.check.value for doubt in given), math.nan)
+    if unusable:  # and whatever else would be said is of other readings than the tissue's
+        wrong = [doubt for doubt in given if why_unusable([doubt.check.value], math.nan)]
+        return [*map(_doubted, wrong), Sentence(Level.BAD, f"{_capitalised(unusable)}.")]
     if not data.contact.any():
         return [Sentence(Level.BAD, "The tool never touched anything: nothing can be said.")]
     if not (data.contact & data.used).any():
         text = "No sample in contact could be used: nothing can be said."
         return [Sentence(Level.BAD, text), *_losses(data)]
     suspicions = check_both(data.time_s, data.displacement_mm, data.force_n)
-    doubts = [Sentence(Level.BAD, f"{s.sentence[0].upper()}{s.sentence[1:]}.") for s in suspicions]
+    doubts = [_doubted(s) for s in suspicions]
     if any(s.check is Check.STUCK for s in suspicions):
         return doubts
+    known = {(s.check, s.channel) for s in suspicions}
+    doubts += [_doubted(s) for s in given if (s.check, s.channel) not in known]
     doubt = _of_one_fit(data, channels)
     first = stiffness_found(data, found)
     if doubt:  # nothing to be glad of
@@ -88,8 +107,8 @@ def verdict(
         *first,
         *doubt,
         *doubts,
-        *_fit(data, contacts, doubted=bool(doubts) or _is_dishonest(data)),
-        *_channels(data, channels),
+        *_fit(data, contacts, given, doubted=bool(doubts) or _is_dishonest(data)),
+        *([] if _held_back(given) else _channels(data, channels)),
         *_unseen(data, channels),
         *_zeros(data),
         *_changes(data),
@@ -178,7 +197,24 @@ def _lump(found: StiffnessMap | None) -> list[Sentence]:
     return [Sentence(Level.NOTE, f"{found.lump.sentence(found.is_line)}.")]
 
 
-def _fit(data: RunData, contacts: Sequence[Contact], *, doubted: bool) -> list[Sentence]:
+def _capitalised(text: str) -> str:
+    return f"{text[0].upper()}{text[1:]}"
+
+
+def _doubted(doubt: Suspicion) -> Sentence:
+    """Return a doubt of the readings as a sentence; one that the filter allows for is a note."""
+    level = Level.NOTE if doubt.check in _ALLOWED_FOR else Level.BAD
+    return Sentence(level, f"{_capitalised(doubt.sentence)}.")
+
+
+def _held_back(given: Sequence[Suspicion]) -> bool:
+    """Whether a part of the force is of what moving the tool takes, which looks like a delay."""
+    return any(doubt.check in HELD_BACK for doubt in given)
+
+
+def _fit(
+    data: RunData, contacts: Sequence[Contact], given: Sequence[Suspicion], *, doubted: bool
+) -> list[Sentence]:
     used = data.contact & data.used
     share = float(np.mean(data.model_mismatch[used]))
     if share <= MISMATCH_SHARE:
@@ -189,7 +225,7 @@ def _fit(data: RunData, contacts: Sequence[Contact], *, doubted: bool) -> list[S
             return [Sentence(Level.NOTE, "The filter noticed no misfit of the contact law.")]
         return [Sentence(Level.GOOD, "The contact law describes what the sensors say.")]
     text = f"The contact law does not fit in {100 * share:.0f} % of the contact"
-    reason = _places(contacts) or _reason(data)
+    reason = "" if _held_back(given) else _places(contacts) or _reason(data)
     return [Sentence(Level.BAD, f"{text}: {reason}." if reason else f"{text}.")]
 
 
