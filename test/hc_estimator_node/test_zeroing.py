@@ -1,5 +1,6 @@
 """Two who want zeros at once: the second joins the first, or takes its place and says so."""
 
+import numpy as np
 import pytest
 
 from hc_estimator.ros.services import NotPossibleError
@@ -80,3 +81,52 @@ def test_a_tare_waits_for_samples_that_come_slowly_and_gives_up_where_none_comes
     assert zeroing.overdue(22.4) == ""
     assert zeroing.overdue(22.5) == "only 499 of 500 samples came, and none for 10 s"
     assert not zeroing.active
+
+
+def press_after_press(presses=3, samples=3000):
+    """Depth [mm] and force [N] of presses from the air, the first of them with a hold in it."""
+    phase = np.linspace(0.0, 2.0 * np.pi * presses, presses * samples)
+    depth = -1.0 - 3.0 * np.cos(phase)
+    noise = np.random.default_rng(3).normal(0.0, 0.005, depth.size)
+    return depth, 0.4 * np.maximum(depth - 0.3, 0.0) ** 1.5 + noise
+
+
+def test_a_search_that_was_asked_for_in_a_press_begins_once_the_tool_was_lifted():
+    """Regression: it was refused, and a tool that was held in the tissue would be its zero."""
+    zeroing = Zeroing()
+    depths, forces = press_after_press()
+    asked, found = 0, None
+    for k, (depth, force) in enumerate(zip(depths, forces, strict=True)):
+        zeroing.watch.add(depth, force)
+        if not asked and depth > 1.5:
+            said = zeroing.find_surface(forced=False)
+            assert "the tool presses with" in said
+            assert "lift it free of contact, and press again" in said
+            asked = k
+        if asked and k < asked + 200:
+            assert zeroing.waits_for_lift
+            assert zeroing.feels.endswith("lift it free of contact")
+        if zeroing.active and (found := zeroing.add(depth, force)) is not None:
+            break
+    assert found is not None
+    assert found.displacement_mm == pytest.approx(0.3, abs=0.05)
+    assert found.force_n == pytest.approx(0.0, abs=0.005)
+    assert not zeroing.waits_for_lift
+
+
+def test_a_search_that_waits_gives_way_and_may_be_forced():
+    zeroing = Zeroing()
+    for k in range(2000):
+        zeroing.watch.add(0.002 * k - 1.0, max(0.0, 0.01 * (k - 500)))
+    zeroing.find_surface(forced=False)
+    assert zeroing.waits_for_lift
+    zeroing.tare(100, 0.0, forced=True)
+    assert not zeroing.waits_for_lift
+    assert feed(zeroing, [1.0] * 100).samples == 100
+    zeroing.find_surface(forced=False)
+    zeroing.find_surface(forced=True)
+    assert not zeroing.waits_for_lift
+    zeroing.cancel()
+    zeroing.find_surface(forced=False)
+    assert zeroing.cancel() == "find_surface"
+    assert not zeroing.waits_for_lift

@@ -68,11 +68,7 @@ class ZeroSetting:
         return answer_text
 
     def find_surface(self) -> str:
-        """Begin to look for the surface; returns what to tell the user.
-
-        Raises:
-            NotPossibleError: with the reason.
-        """
+        """Begin to look for the surface, once the tool presses no more; returns what to tell."""
         values = self._settings.values
         least_n = 0.0
         if values["input.source"] == "effort":
@@ -80,12 +76,17 @@ class ZeroSetting:
         before = self._zeroing.under_way
         answer_text = self._zeroing.find_surface(forced=values["tare.force"], least_noise_n=least_n)
         self._tell_superseded(before)
-        wanted = values["input.contact.frame"], values["input.contact.normal_from"]
-        source = self._source()
         joined = before == FIND_SURFACE  # the search goes on, with what it has seen
-        if source is not None and wanted == ("surface", "find_surface") and not joined:
-            source.normal_finder = NormalFinder()
+        if not (joined or self._zeroing.waits_for_lift):
+            self._begin_finder()
         return answer_text
+
+    def _begin_finder(self) -> None:
+        """Look for the normal as well, where it is to be found."""
+        values, source = self._settings.values, self._source()
+        wanted = values["input.contact.frame"], values["input.contact.normal_from"]
+        if source is not None and wanted == ("surface", "find_surface"):
+            source.normal_finder = NormalFinder()
 
     def add(self, stamp_ns: int, displacement_mm: float, force_n: float) -> None:
         """Take in a sample, and set the zeros with the last one that was wanted.
@@ -96,7 +97,10 @@ class ZeroSetting:
             self._zeroing.watch.add(displacement, force)
             if not self._zeroing.active:
                 continue
+            waited = self._zeroing.waits_for_lift
             outcome = self._zeroing.add(displacement, force)
+            if waited and not self._zeroing.waits_for_lift:
+                self._begin_finder()
             if isinstance(outcome, Refusal):
                 self._report(EventKind.TARE_REFUSED, outcome.reason)
             elif outcome is not None:

@@ -43,7 +43,7 @@ class Zeroing:
         self.watch = PressWatch()
         self._collector: Tare | SurfaceFinder | None = None
         self.latest = ""
-        self._forced = False
+        self._forced = self._pressed = False
         self._count = 0  # samples of a tare when it was looked at last
         self._deadline_s = 0.0
 
@@ -60,6 +60,9 @@ class Zeroing:
         """
         if self._joins(TARE, forced):
             return "a tare is under way already; hc/events says when it is done"
+        if pressing := "" if forced else self.watch.pressing:
+            raise NotPossibleError(f"{pressing}: lift it free of contact first ({FORCED})")
+        self._begin(TARE, forced)
         self._collector = Tare(samples)
         self._count, self._deadline_s = 0, now_s + PATIENCE_S
         return f"takes the mean of the next {samples} samples; hc/events says when it is done"
@@ -68,15 +71,20 @@ class Zeroing:
         """Find the surface in the next approach; returns what to tell the user.
 
         Args:
-            forced: do it although the tool presses or moves.
+            forced: begin now, although the tool presses; else that waits until it was lifted.
             least_noise_n: error in motion of a force that is calculated, not measured [N].
-
-        Raises:
-            NotPossibleError: if the tool presses, unless it is forced.
         """
         if self._joins(FIND_SURFACE, forced):
             return "looks for the surface already: press; hc/events says where it was"
+        pressing = "" if forced else self.watch.pressing
+        self._begin(FIND_SURFACE, forced)
+        self._pressed = bool(pressing)
         self._collector = SurfaceFinder(least_noise_n)
+        if pressing:
+            return (
+                f"{pressing}: lift it free of contact, and press again; hc/events says where the "
+                "surface was"
+            )
         return "press from free motion into the tissue; hc/events says where the surface was"
 
     def cancel(self) -> str:
@@ -91,14 +99,24 @@ class Zeroing:
         return self.latest if self.active else ""
 
     @property
+    def waits_for_lift(self) -> bool:
+        """Whether a search for the surface waits until the tool presses no more."""
+        return self.active and self._pressed
+
+    @property
     def feels(self) -> str:
         """What the service under way feels, in words; nothing if none is."""
+        if self.waits_for_lift and (pressing := self.watch.pressing):
+            return f"{pressing}: lift it free of contact"
         return "" if self._collector is None else self._collector.feels
 
     def add(self, displacement_mm: float, force_n: float) -> TareResult | Refusal | None:
         """Take in a sample; return what came of it with the last one that was wanted."""
         collector = self._collector
         assert collector is not None
+        if self._pressed and self.watch.pressing:
+            return None
+        self._pressed = False
         found = collector.add(displacement_mm, force_n)
         if found is None:
             return None
@@ -126,18 +144,15 @@ class Zeroing:
         """Whether a request joins one of its kind; else it is to begin.
 
         A second client must not make the first one wait anew.
-
-        Raises:
-            NotPossibleError: if the tool presses, unless it is forced.
         """
         if self.under_way == name:
             self._forced = self._forced or forced
+            self._pressed = self._pressed and not forced
             return True
-        pressing = "" if forced else self.watch.pressing
-        if pressing:
-            raise NotPossibleError(f"{pressing}: lift it free of contact first ({FORCED})")
-        self._forced, self.latest = forced, name
         return False
+
+    def _begin(self, name: str, forced: bool) -> None:
+        self._forced, self.latest, self._pressed = forced, name, False
 
     @staticmethod
     def parameters(found: TareResult, values: Mapping[str, Any]) -> list[Parameter]:
