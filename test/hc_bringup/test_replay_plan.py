@@ -10,6 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hc_msgs.msg import EstimatorConfiguration, EstimatorEvent
+from rcl_interfaces.msg import Parameter as RosParameter
+from rcl_interfaces.msg import ParameterValue
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
@@ -17,8 +20,10 @@ from hc_bringup.cli import main
 from hc_bringup.commands import replay
 from hc_bringup.errors import UserError
 from hc_estimator.ros.node_settings import LARGEST_BACKLOG
+from hc_estimator.stream.vocabulary import EventKind
+from hc_logger.reader import BagReader
 from hc_logger.recording import read_recording
-from hc_logger.type_names import SAMPLE_TYPE, SAMPLES_TYPE
+from hc_logger.type_names import CONFIGURATION_TYPE, SAMPLE_TYPE, SAMPLES_TYPE
 from hc_logger.writer import BagWriter
 from hc_msgs_py.wire import SampleEncoder
 from hc_msgs_py.wire_arrays import SamplesEncoder
@@ -193,3 +198,51 @@ def test_an_estimator_is_not_left_waiting_for_samples_that_no_bag_has(
     assert main(["replay", str(tmp_path / "bag"), "--filter", "ukf", "--headless"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "has no samples (hc_msgs/IndenterSample) for an estimator: hc estimate " in line
+
+
+def add_what_the_node_said(folder: Path, target: Path, space: str = "") -> Path:
+    """Copy a bag of samples with a search for the surface half a second behind the first one."""
+    with BagReader(folder) as bag, BagWriter(target) as writer:
+        names = {n: space + n for n in bag.topics}
+        numbers = {n: writer.add_topic(names[n], t.definition.name) for n, t in bag.topics.items()}
+        events = writer.add_topic(f"{space}/hc/events", "hc_msgs/msg/EstimatorEvent")
+        told = writer.add_topic(f"{space}/hc/configuration", CONFIGURATION_TYPE)
+        configuration = EstimatorConfiguration(revision=2, filter="ukf")
+        for name, value in (("input.force.zero", 0.4), ("input.position.zero", 0.0)):
+            number = ParameterValue(type=3, double_value=value)
+            configuration.parameters.append(RosParameter(name=name, value=number))
+        writer.write(told, START - 10**9, serialize_message(configuration))
+        event = EstimatorEvent(kind=int(EventKind.RESET), reason="read otherwise: input.force.zero")
+        event.reason += " = 0.4, input.position.zero = 0.0"
+        event.header.stamp.sec, event.header.stamp.nanosec = divmod(START + 5 * 10**8, 10**9)
+        for message in bag.messages():
+            writer.write(numbers[message.topic], message.log_time, message.data)
+        writer.write(events, START + 10**9, serialize_message(event))
+    return target
+
+
+@pytest.mark.parametrize("space", ["", "/left"])
+def test_a_replay_says_what_the_estimator_beside_it_hears_nothing_of(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], space: str
+) -> None:
+    """Regression: K of a bag with a search for the surface inside was another, without a line."""
+    plain = write_bag(tmp_path / "a", arrays=False)
+    bag = str(add_what_the_node_said(plain, tmp_path / "b", space))
+    plan_of(bag, "--estimator")
+    said = capsys.readouterr().err
+    assert f"{bag}: the sensors were read otherwise from 0.50 s on: input.force.zero = 0.4" in said
+    assert "the estimator beside them hears none of that: hc bag filter --start and" in said
+    assert "took off force.zero=0.4: for one that does, say --param input.force.zero=0.4" in said
+    plan_of(bag, "--param", "input.force.zero=0.4")
+    said = capsys.readouterr().err
+    assert "took off" not in said
+    assert "read otherwise" in said
+    plan_of(bag)  # nobody estimates
+    assert capsys.readouterr().err == ""
+
+
+def test_nothing_is_said_of_a_bag_that_was_read_alike(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan_of(str(write_bag(tmp_path / "a", arrays=False)), "--estimator")
+    assert capsys.readouterr().err == ""

@@ -201,15 +201,7 @@ class Recording:
             BagError: if the recording is not a bag, or has several topics of configurations.
         """
         with self._bag() as reader:
-            topic = only_topic(reader, CONFIGURATION_TYPE, CONFIGURATION)
-            if topic is None:
-                return []
-            definition = reader.topics[topic].definition
-            decode = decoder(definition)
-            try:
-                return [_configuration(decode(m.data)) for m in reader.messages({topic})]
-            except (AttributeError, TypeError, ValueError) as error:
-                raise BagError(damaged_definition(definition)) from error
+            return configurations_of(reader)
 
     @cached_property
     def reading_changes(self) -> list[ReadingChange]:
@@ -284,6 +276,23 @@ class Recording:
         if not self.is_bag:
             raise BagError(f"{self.path} is a CSV file: it holds no estimates")
         return open_bag(self.path, self.namespace)
+
+
+def configurations_of(bag: Bag) -> list[RecordedConfiguration]:
+    """Return the recorded configurations of the estimator in order; empty where there are none.
+
+    Raises:
+        BagError: if there are several topics of configurations, or one is damaged.
+    """
+    topic = only_topic(bag, CONFIGURATION_TYPE, CONFIGURATION)
+    if topic is None:
+        return []
+    definition = bag.topics[topic].definition
+    decode = decoder(definition)
+    try:
+        return [_configuration(decode(m.data)) for m in bag.messages({topic})]
+    except (AttributeError, TypeError, ValueError) as error:
+        raise BagError(damaged_definition(definition)) from error
 
 
 def only_topic(bag: Bag, type_name: str, usual: str) -> str | None:

@@ -18,6 +18,7 @@ from hc_logger.bag_sensors import has_sensors, how_to_read
 from hc_logger.csv_file import CsvReader
 from hc_logger.csv_open import TEXT_SUFFIXES, is_text
 from hc_logger.csv_options import CsvOptions
+from hc_logger.decoder import decoder
 from hc_logger.errors import BagError
 from hc_logger.estimate_arrays import log_times
 from hc_logger.foreign import open_bag
@@ -193,6 +194,21 @@ def sample_topic(bag: Bag) -> str | None:
         BagError: if there are several and none is the usual one.
     """
     return only_topic(bag, SAMPLE_TYPE, SAMPLE) or only_topic(bag, SAMPLES_TYPE, SAMPLES)
+
+
+def first_stamp_ns(bag: Bag) -> int:
+    """Return the stamp of a bag's first sample [ns], from which times count; 0 without any.
+
+    Raises:
+        BagError: if there are several topics of samples and none is the usual one, or the first
+            message is damaged.
+    """
+    topic = sample_topic(bag)
+    message = None if topic is None else next(bag.messages({topic}), None)
+    if topic is None or message is None:
+        return 0
+    stamp = decoder(bag.topics[topic].definition)(message.data).header.stamp
+    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
 
 
 def has_samples(path: str | os.PathLike[str]) -> bool:

@@ -95,6 +95,7 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
     from hc_bringup.commands.run import file_parameters, new_bag_folder
     from hc_bringup.paths import config_folder
     from hc_bringup.plan import NodePlan, RunPlan
+    from hc_bringup.taken_off_live import replayed_lines
     from hc_estimator.ros.node_settings import LARGEST_BACKLOG
     from hc_logger.csv_open import is_text
     from hc_logger.errors import BagError
@@ -122,6 +123,13 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
     if with_estimator and not sensors and kinds.isdisjoint((SAMPLE_TYPE, SAMPLES_TYPE)):
         _refuse_without_samples(arguments.input)
     _check_topics(arguments.input, source, sensors)
+    if with_estimator and not sensors:
+        try:
+            lines = replayed_lines(source, settings, samples.removesuffix(usual))
+        except BagError as error:
+            raise UserError(str(error)) from error
+        for line in lines:
+            print(f"{arguments.input}: {line}", file=sys.stderr)
     # The player plays either; what an estimator makes of sensors are single ones.
     arrays = not sensors and SAMPLES_TYPE in kinds and SAMPLE_TYPE not in kinds
     if with_estimator and arrays:
