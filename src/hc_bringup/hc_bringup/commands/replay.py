@@ -125,7 +125,8 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
     _check_topics(arguments.input, source, sensors)
     if with_estimator and not sensors:
         try:
-            lines = replayed_lines(source, settings, samples.removesuffix(usual))
+            space = samples.removesuffix(usual) if usual else ""
+            lines = replayed_lines(source, settings, space)
         except BagError as error:
             raise UserError(str(error)) from error
         for line in lines:
