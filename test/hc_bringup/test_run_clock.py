@@ -13,7 +13,7 @@ from hc_bringup.report.rows import page_rows
 from hc_bringup.run_clock import PAUSE_S, RunClock
 from hc_bringup.run_data import estimated
 from hc_estimator import create_estimator
-from hc_logger.recorded import findings_of
+from hc_logger.findings import findings_of
 from hc_logger.recording import _set_forward, read_recording
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "bags" / "example"

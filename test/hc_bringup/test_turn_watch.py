@@ -3,16 +3,24 @@
 import argparse
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped, TransformStamped, WrenchStamped
+from hc_msgs.msg import EstimatorConfiguration
+from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 
 from hc_bringup import recording_input
 from hc_bringup.cli import main
 from hc_bringup.turn_watch import bag_turn_deg
+from hc_estimator.ros.node_settings import NODE_SETTINGS
+from hc_estimator.ros.sample_flow import SampleFlow
+from hc_estimator.stream.vocabulary import ALONG_SENSOR_AXES, CONTACT_FRAME
+from hc_logger.reader import BagReader
 from hc_logger.writer import BagWriter
+from hc_msgs_py.wire import SampleEncoder
 from tf2_msgs.msg import TFMessage
 
 START_NS = 1_700_000_000_000_000_000
@@ -112,3 +120,69 @@ def test_of_several_transforms_the_tool_can_be_named(tmp_path) -> None:
     two = frames_bag(tmp_path / "two", 40.0, ("tool0", "camera"), tf=False)
     assert bag_turn_deg(two, "tracker", "tool0") == pytest.approx(20.0, abs=0.5)
     assert bag_turn_deg(two, "tracker", "camera") < 1.0
+
+
+def add_samples(robot: Path, target: Path, settings: dict[str, str]) -> Path:
+    """Copy a robot's bag with the samples that a node made of it, and the node's configuration."""
+    with BagReader(robot) as bag, BagWriter(target) as writer:
+        numbers = {n: writer.add_topic(n, t.definition.name) for n, t in bag.topics.items()}
+        told = writer.add_topic("hc/configuration", "hc_msgs/msg/EstimatorConfiguration")
+        made = writer.add_topic("indenter/sample", "hc_msgs/msg/IndenterSample")
+        configuration = EstimatorConfiguration(revision=1, filter="ukf")
+        configuration.parameters = [
+            Parameter(name, value=value).to_parameter_msg() for name, value in settings.items()
+        ]
+        writer.write(told, START_NS, serialize_message(configuration))
+        for message in bag.messages():
+            writer.write(numbers[message.topic], message.log_time, message.data)
+        for k in range(1500):
+            stamp, depth = START_NS + k * 2_000_000, 2.0 - 2.0 * np.cos(0.02 * k)
+            data = SampleEncoder().encode(stamp, k, float(depth), float(0.3 * depth**1.4))
+            writer.write(made, stamp, data)
+    return target
+
+
+@pytest.mark.parametrize(
+    ("turn_deg", "settings", "is_told"),
+    [
+        (40.0, {CONTACT_FRAME: ALONG_SENSOR_AXES}, True),
+        (0.0, {CONTACT_FRAME: ALONG_SENSOR_AXES}, False),
+        (40.0, {CONTACT_FRAME: "surface"}, False),
+        (40.0, {}, False),  # of a node that reads samples, or a joint
+    ],
+)
+def test_of_samples_that_a_node_made_along_axes_the_turn_is_told(
+    tmp_path, reading, turn_deg, settings, is_told
+) -> None:
+    """Regression: of the bag of a run with a tool that turned nothing said why K was wrong."""
+    parser = argparse.ArgumentParser()
+    recording_input.add_options(parser)
+    robot = robot_bag(tmp_path / "robot", reading, turn_deg)
+    bag = add_samples(robot, tmp_path / "bag", settings)
+    recording = recording_input.load(parser.parse_args([str(bag)]))
+    assert len(recording.time_s) == 1500
+    told = [f for f in recording.findings.lines() if f.startswith("the tool turned by up to 20 d")]
+    assert len(told) == is_told
+
+
+@pytest.mark.parametrize(
+    ("source", "kind", "frame", "recorded"),
+    [
+        ("sensors", "pose", "sensor", "sensor"),
+        ("sensors", "tf", "surface", "surface"),
+        ("sensors", "joint", "sensor", None),
+        ("sample", "pose", "sensor", None),
+    ],
+)
+def test_a_configuration_says_along_what_its_samples_are_read(source, kind, frame, recorded):
+    published = []
+    flow = SampleFlow()
+    defaults = {name: setting.default for name, setting in NODE_SETTINGS.items()}
+    given = {"input.source": source, "input.position.type": kind, CONTACT_FRAME: frame}
+    flow._settings = SimpleNamespace(values=defaults | given)
+    flow._session = SimpleNamespace(estimator=None, loaded=None)
+    flow._outputs = SimpleNamespace(publish_configuration=lambda *words: published.append(words))
+    flow._keeper = SimpleNamespace(hasten=lambda: None)
+    flow.on_revision(SimpleNamespace(number=1, cause=None))
+    ((_revision, _estimator, beside, _loaded),) = published
+    assert beside.get(CONTACT_FRAME) == recorded

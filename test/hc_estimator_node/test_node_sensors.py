@@ -359,9 +359,12 @@ def test_a_tare_with_sensors_applies_to_whole_samples_and_is_refused_in_mid_pres
     assert not answer.success
     assert "the tool presses with " in answer.message
     assert "tare.force: true" in answer.message
-    assert not probe.call("find_surface").success
+    answer = probe.call("find_surface")  # waits until it is lifted
+    assert answer.success
+    assert "lift it free of contact, and press again" in answer.message
     probe.set(tare__force=True)
     assert probe.call("tare").success
+    probe.wait(lambda: reasons(18) == ["find_surface given up: tare was asked for"])
     move(lambda t: 2.0, 0.5)
     probe.wait(lambda: probe.kinds().count(15) == 2, what="the forced tare")
     assert probe.get("input.position.zero")[0] == pytest.approx(-SURFACE + 2.0, abs=0.05)
@@ -369,7 +372,7 @@ def test_a_tare_with_sensors_applies_to_whole_samples_and_is_refused_in_mid_pres
     probe.set(tare__force=False)
     assert probe.call("tare").success
     move(lambda t: 2.0 + 8.0 * t, 0.5)
-    probe.wait(lambda: reasons(18), what="the refusal")
+    probe.wait(lambda: len(reasons(18)) == 2, what="the refusal")
     assert "the tool moved by " in reasons(18)[-1]
     move(lambda t: 1.0, 0.1)
     assert probe.call("tare").success

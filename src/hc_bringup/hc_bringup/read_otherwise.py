@@ -103,7 +103,7 @@ def _counted_anew(recording: Any) -> Any:
     """Return a recording whose findings are of the stamps that it has now."""
     import numpy as np
 
-    from hc_logger.recorded import findings_of
+    from hc_logger.findings import findings_of
 
     rows = np.column_stack([recording.displacement_mm, recording.force_n])
     found = findings_of(rows, np.diff(recording.stamps), ())

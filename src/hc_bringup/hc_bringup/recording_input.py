@@ -277,7 +277,8 @@ def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
                 recording = less_interpolated(less_repeated(recording, sensors))
         else:
             recording = _read_sensors(arguments.input, sensors)
-        if not as_read and (line := bag_turning_line(arguments.input, sensors)):
+        axes = not as_read or (not table and recording.is_along_sensor_axes)
+        if axes and (line := bag_turning_line(arguments.input, {} if as_read else sensors)):
             found = recording.findings
             found = found._replace(problems=(*found.problems, line))
             recording = dataclasses.replace(recording, findings=found)

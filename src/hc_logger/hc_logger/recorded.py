@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 
 from hc_estimator.stream.repeats import channels_held_by
 from hc_estimator.stream.vocabulary import (
+    ALONG_SENSOR_AXES,
     CHANNEL_DELAY,
+    CONTACT_FRAME,
     CONTACT_POSITION_STD,
     recorded_less,
 )
@@ -23,6 +25,7 @@ from hc_logger.definitions import damaged_definition
 from hc_logger.errors import BagError
 from hc_logger.estimate_arrays import estimates_of_bag, log_times, merged
 from hc_logger.events import ReadingChange, events_of, reading_changes
+from hc_logger.findings import Findings
 from hc_logger.foreign import open_bag
 from hc_logger.layout import FLAG, INTEGER, REAL, records
 from hc_logger.selection import full_name
@@ -47,8 +50,6 @@ _PARAMETER_FIELDS = (
     "string_array_value",
 )
 """Field of rcl_interfaces/ParameterValue by its type number."""
-_RESTART_ROWS = 50
-"""The filters' default of clock_restart_samples."""
 _PARAMETERS = ("stiffness", "damping", "displacement_exponent", "velocity_exponent")
 _ESTIMATE_FIELDS = {
     "sequence": INTEGER,
@@ -76,63 +77,6 @@ class RecordedConfiguration(NamedTuple):
     contact_model: str
     software_version: str
     parameters: dict[str, Any]
-
-
-class Findings(NamedTuple):
-    """What is unusual about the rows of a recording.
-
-    Attributes:
-        not_finite: rows with infinity, or with NaN for the time or for both readings.
-        force_alone: rows with a force and NaN for the displacement.
-        displacement_alone: rows with a displacement and NaN for the force.
-        repeated: rows with a reading of a channel that has one at the same time before.
-        backward: rows with a time before that of the row before, without those of `set_back`.
-        set_back: how often the clock was set back: what follows goes on from there.
-        problems: what of a bag could not be read, one line each.
-        being_recorded: how much was read of a bag that somebody writes, one line for each file.
-        notes: what else one should know, one line each.
-        counted_once: channels ("displacement", "force") whose repeated readings were left out.
-    """
-
-    not_finite: int
-    repeated: int
-    backward: int
-    problems: tuple[str, ...]
-    notes: tuple[str, ...] = ()
-    force_alone: int = 0
-    displacement_alone: int = 0
-    counted_once: tuple[str, ...] = ()
-    being_recorded: tuple[str, ...] = ()
-    set_back: int = 0
-
-    def lines(self) -> list[str]:
-        """Return one line for each finding, none for a clean recording."""
-        texts = (
-            (self.not_finite, "with NaN or infinity"),
-            (self.repeated, "with the time of the row before"),
-            (self.backward, "with a time before that of the row before"),
-        )
-        counted = [
-            f"{count} {'row' if count == 1 else 'rows'} {text}: the estimator rejects them"
-            for count, text in texts
-            if count
-        ]
-        alone = [
-            f"{count} {'row' if count == 1 else 'rows'} with a {what} alone"
-            for count, what in (
-                (self.force_alone, "force"),
-                (self.displacement_alone, "displacement"),
-            )
-            if count
-        ]
-        one = [f"{', '.join(alone)}: each reading is used at its own stamp"] if alone else []
-        often = f" {self.set_back} times" if self.set_back > 1 else ""
-        clock = [
-            f"the clock was set back{often} (a driver that was started again, or a clock that was "
-            "put right): the estimator begins anew there"
-        ]
-        rows = [*counted, *clock[: self.set_back], *one]
-        return [*rows, *self.problems, *self.being_recorded, *self.notes]
 
 
 @dataclass(frozen=True)
@@ -259,6 +203,17 @@ class Recording:
         return float(self.configurations[-1].parameters.get(recorded_less(setting), 0.0))
 
     @cached_property
+    def is_along_sensor_axes(self) -> bool:
+        """Whether a node made a bag's samples of poses and wrenches, along one axis of each.
+
+        Raises:
+            BagError: if the bag has several topics of configurations.
+        """
+        if not self.is_bag or not self.configurations:
+            return False
+        return self.configurations[-1].parameters.get(CONTACT_FRAME) == ALONG_SENSOR_AXES
+
+    @cached_property
     def counted_once(self) -> tuple[str, ...]:
         """Channels ("displacement", "force") whose repeated readings were left out.
 
@@ -313,63 +268,6 @@ def only_topic(bag: Bag, type_name: str, usual: str) -> str | None:
             f"one: hc bag filter BAG NEW --topics {shlex.quote(pattern)}"
         )
     return names[0] if names else None
-
-
-def findings_of(
-    rows: NDArray[np.float64], steps: NDArray[Any], problems: tuple[str, ...]
-) -> Findings:
-    """Count the bad rows of a recording.
-
-    Args:
-        rows: (n, columns) values that must be finite; the last two are displacement and force, of
-            which one may be NaN.
-        steps: (n - 1,) steps of time from row to row.
-        problems: what could not be read, one line each.
-    """
-    missing = np.isnan(rows[:, -2:])
-    filled = rows.copy()
-    filled[:, -2:][missing] = 0.0
-    usable = np.isfinite(filled).all(axis=1) & ~missing.all(axis=1)
-    set_back = _times_set_back(steps)
-    return Findings(
-        int(np.count_nonzero(~usable)),
-        _repeated(missing, steps),
-        int(np.count_nonzero(steps < 0)) - set_back,
-        problems,
-        force_alone=int(np.count_nonzero(usable & missing[:, 0])),
-        displacement_alone=int(np.count_nonzero(usable & missing[:, 1])),
-        set_back=set_back,
-    )
-
-
-def _times_set_back(steps: NDArray[Any]) -> int:
-    """Count the steps back after which so many rows go on from there that an estimator does, too.
-
-    Args:
-        steps: (n - 1,) steps of time from row to row.
-    """
-    unordered = np.concatenate(([0], np.cumsum(~(steps >= 0))))
-    back = np.flatnonzero(steps < 0)
-    back = back[back + _RESTART_ROWS <= len(steps)]
-    back = back[unordered[back + _RESTART_ROWS] == unordered[back + 1]]
-    return sum(bool(steps[row : row + _RESTART_ROWS].sum() < 0) for row in back.tolist())
-
-
-def _repeated(missing: NDArray[np.bool_], steps: NDArray[Any]) -> int:
-    """Count the rows with a reading of a channel that has one with the same time already.
-
-    Readings of the two channels may stand at one time in rows of their own.
-
-    Args:
-        missing: (n, 2) where a row has no reading.
-        steps: (n - 1,) steps of time from row to row.
-    """
-    instant = np.concatenate(([0], np.cumsum(steps != 0)))
-    again = np.zeros(len(missing), bool)
-    for absent in missing.T:
-        there = np.flatnonzero(~absent)
-        again[there[1:][instant[there[1:]] == instant[there[:-1]]]] = True
-    return int(np.count_nonzero(again))
 
 
 def _configuration(message: Any) -> RecordedConfiguration:

@@ -21,11 +21,12 @@ from hc_logger.csv_options import CsvOptions
 from hc_logger.decoder import decoder
 from hc_logger.errors import BagError
 from hc_logger.estimate_arrays import log_times
+from hc_logger.findings import findings_of
 from hc_logger.foreign import open_bag
 from hc_logger.layout import INTEGER, REAL, records, stamps
 from hc_logger.limits import check_in_memory
 from hc_logger.other_files import check_there, what_it_is
-from hc_logger.recorded import Recording, findings_of, only_topic
+from hc_logger.recorded import Recording, only_topic
 from hc_logger.sample_arrays import DISPLACEMENT, FORCE, SEQUENCE, STAMP, all_samples
 from hc_logger.selection import full_name
 from hc_logger.tactile_samples import how_to_read_taxels

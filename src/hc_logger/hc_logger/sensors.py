@@ -28,9 +28,10 @@ from hc_logger.bag_frames import Frame, poses_of, tool_frame
 from hc_logger.bag_sensors import force_topics, joints_of, moving_topics, position_topics
 from hc_logger.decoder import decoder
 from hc_logger.errors import BagError
+from hc_logger.findings import findings_of
 from hc_logger.foreign import open_bag
 from hc_logger.press_direction import off_axis_line
-from hc_logger.recorded import Recording, findings_of
+from hc_logger.recorded import Recording
 from hc_logger.selection import full_name
 from hc_logger.sensor_clocks import why_no_pairs
 from hc_logger.type_names import (

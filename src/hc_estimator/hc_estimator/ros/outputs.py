@@ -201,7 +201,7 @@ class Outputs:
         self,
         revision: Revision,
         estimator: Estimator,
-        zeros: Mapping[str, float],
+        zeros: Mapping[str, float | str],
         loaded: Mapping[str, Any] | None = None,
     ) -> None:
         """Publish the configuration in force.
@@ -209,8 +209,9 @@ class Outputs:
         Args:
             revision: from when on it holds.
             estimator: the estimator that has it.
-            zeros: what is subtracted from the samples before the estimator sees them, by
-                parameter name; those that are not zero become part of the configuration.
+            zeros: what is subtracted from the samples before the estimator sees them, and how
+                else they were read, by parameter name; those that are not zero become part of
+                the configuration.
             loaded: the state that the estimator went on from, for a revision that loaded one; it
                 becomes part of the configuration, as JSON under the name LOADED_STATE.
         """

@@ -21,7 +21,14 @@ from hc_estimator.stream import dry_friction, frame_compliance, repeats, tool_mo
 from hc_estimator.stream.contacts import ContactSummary
 from hc_estimator.stream.session import EstimationSession
 from hc_estimator.stream.suspicion_watch import SuspicionWatch
-from hc_estimator.stream.vocabulary import Batch, Cause, Event, Revision, recorded_less
+from hc_estimator.stream.vocabulary import (
+    CONTACT_FRAME,
+    Batch,
+    Cause,
+    Event,
+    Revision,
+    recorded_less,
+)
 from hc_msgs_py.diagnostics import DiagnosticsPublisher
 
 FEWEST_TOGETHER = 12
@@ -171,6 +178,8 @@ class SampleFlow:
                 motion = [setting.name for setting in tool_motion.SETTINGS]
                 zeros |= {recorded_less(name): values[name] for name in motion if values.get(name)}
                 zeros |= {name: True for name in repeats.SETTINGS.values() if values.get(name)}
+                if values["input.position.type"] != "joint":  # which tells no attitude
+                    zeros[CONTACT_FRAME] = values[CONTACT_FRAME]
         session = self._configured()
         loaded = session.loaded if revision.cause is Cause.STATE_LOADED else None
         self._outputs.publish_configuration(revision, session.estimator, zeros, loaded)

@@ -25,6 +25,12 @@ CHANNEL_DELAY = "channel_delay"
 """Setting of the default filter: by how much the force is late [s], or auto."""
 
 
+CONTACT_FRAME = "input.contact.frame"
+"""Setting of a node with poses: along what force and depth of its samples are read."""
+ALONG_SENSOR_AXES = "sensor"
+"""Its value where a tool that turns spoils both."""
+
+
 def recorded_less(setting: str) -> str:
     """Return what says in a configuration that samples are recorded less a setting's value."""
     return f"{setting}.taken_off"
