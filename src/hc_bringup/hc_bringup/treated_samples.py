@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -85,6 +85,9 @@ class Samples:
     channel_delay: float | str = "auto"
     force_end_n: float = math.nan
     left_out: tuple[str, ...] = ()
+    _estimated: tuple[tuple[Any, ...], Estimated | None] | None = field(
+        default=None, repr=False, compare=False
+    )
 
     @property
     def known_delay_s(self) -> float:
@@ -241,7 +244,23 @@ class Samples:
         self.time_s = time_s[order]
 
     def estimate(self) -> Estimated | None:
-        """Run the default estimator; None if it was never in contact."""
+        """Run the default estimator; None if it was never in contact.
+
+        Of readings and settings that it was asked for last it is not run again: all that puts
+        something right makes arrays of its own.
+        """
+        readings = self.time_s, self.displacement_mm, self.force_n
+        settings = self.surface_std_mm, self.channel_delay, self.limits
+        if self._estimated is not None:
+            (arrays, others), result = self._estimated
+            same = all(a is b for a, b in zip(arrays, readings, strict=True))
+            if same and others == settings:
+                return result
+        result = self._run()
+        self._estimated = ((readings, settings), result)
+        return result
+
+    def _run(self) -> Estimated | None:
         estimator = create_estimator(
             DEFAULT_FILTER,
             missing_readings=True,
