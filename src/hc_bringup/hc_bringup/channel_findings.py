@@ -9,6 +9,7 @@ import numpy as np
 from hc_bringup.finding import DISTURBED_SHARE, Finding, cost_of, fits_worse
 from hc_bringup.other_damping import damping_at_every_depth
 from hc_bringup.place_delay import MOST_NOISES, Delay, delay_between_places
+from hc_bringup.play import find_play
 from hc_bringup.terminal.numbers import rounded
 from hc_bringup.treated_samples import Estimated, Samples
 from hc_bringup.two_clocks import delay_that_grows
@@ -48,6 +49,8 @@ def between_channels(
         if instead.far_better:
             return [Finding(instead.words)]
         findings += [Finding(instead.words)] if instead.words else []
+    if play_mm := find_play((time_s, displacement_mm, force_n), found):
+        return [_with_play(samples, before, play_mm)]
     left_s = found.delay_s - samples.known_delay_s
     if "delay" in faults and abs(left_s) > max(CLEAR_DELAY_S, CLEAR * found.delay_std_s):
         drifts = delay_that_grows(even, _LONGEST, found.delay_s, found.delay_std_s)
@@ -82,6 +85,17 @@ def between_channels(
         known_mm = float(np.hypot(found.contact_mm, found.contact_std_mm))
         samples.surface_std_mm = min(samples.surface_std_mm, known_mm)
     return findings
+
+
+def _with_play(samples: Samples, before: Estimated | None, play_mm: float) -> Finding:
+    """Let the position be that behind the play [mm]; return what was found."""
+    samples.take_play(play_mm)
+    what = (
+        f"the position has a play of {play_mm:.2g} mm: after each turn it moves so far before the "
+        "force follows (backlash of a gear, a cable, a tendon), which looks like a delay and is "
+        "none: read the position behind it; no setting takes it off"
+    )
+    return Finding(what, {}, cost_of(before, samples.estimate(), True))
 
 
 def _delayed(

@@ -173,7 +173,9 @@ def _judged(
         if late:
             findings += late
             after = samples.estimate()
-    findings += _refusals(after, len(samples.time_s), but=OUT_OF_RANGE if samples.limits else "")
+    if after is None or not samples.play_mm:  # in which a position that stands still is refused
+        but = OUT_OF_RANGE if samples.limits else ""
+        findings += _refusals(after, len(samples.time_s), but=but)
     if not spoilt and (
         line := relaxing_line(samples.time_s, samples.displacement_mm, samples.force_n)
     ):

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_bringup.force_error import settled
+from hc_bringup.play import behind_play
 from hc_bringup.robot_mechanics import MOTION
 from hc_bringup.terminal.numbers import rounded
 from hc_estimator import Rejection, create_estimator
@@ -76,6 +77,7 @@ class Samples:
         force_end_n: force from which on readings are left out, for the sensor's range ends there
             [N]; NaN where none are.
         left_out: channels of which readings were left out, and that have gaps for it.
+        play_mm: of the position, which stands still in it where it was put behind one [mm].
     """
 
     time_s: FloatArray
@@ -85,6 +87,7 @@ class Samples:
     channel_delay: float | str = "auto"
     force_end_n: float = math.nan
     left_out: tuple[str, ...] = ()
+    play_mm: float = 0.0
     _estimated: tuple[tuple[Any, ...], Estimated | None] | None = field(
         default=None, repr=False, compare=False
     )
@@ -173,6 +176,11 @@ class Samples:
             self.take_force_zero(found.zero_n)
             settings["force.zero"] = rounded(found.zero_n, 4)
         return settings
+
+    def take_play(self, play_mm: float) -> None:
+        """Let the position be that behind a play [mm]."""
+        self.play_mm = play_mm
+        self.displacement_mm = behind_play(self.displacement_mm, play_mm)
 
     def take_friction(self) -> dict[str, Any]:
         """Take off the friction that the air shows; return the settings that do so."""

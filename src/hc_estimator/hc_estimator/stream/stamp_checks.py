@@ -42,7 +42,8 @@ def irregular(readings: Readings) -> Parts[str]:
             "the one before, as stamps of arrival do: stamp them when they are measured, or say "
             f"that they are not ({_setting(name)}: arrival)"
         )
-    if mean > _SLOWER * usual and not _at_rates_in_turn(steps, usual):
+    uneven = mean > _SLOWER * usual and not _is_even_but_rounded(time_s, steps)
+    if uneven and not _at_rates_in_turn(steps, usual):
         return (
             f"the {name} comes at {1.0 / mean:.4g} Hz on average, though mostly every "
             f"{1e3 * usual:.3g} ms: readings are lost, late or no numbers (NaN)"
@@ -76,6 +77,23 @@ def _at_rates_in_turn(steps: FloatArray, usual: float) -> bool:
     slower = float(np.median(longer))
     within = longer[longer < 20.0 * slower]
     return float(np.mean(within)) <= _SLOWER * slower
+
+
+_LITTLE = 0.01
+"""Of the digit to which stamps are written: what a float64 leaves of it."""
+
+
+def _is_even_but_rounded(time_s: FloatArray, steps: FloatArray) -> bool:
+    """Whether stamps are those of even times, written with few digits: no reading is lost then.
+
+    700 Hz in whole milliseconds is 1, 1, 2, 1, 2 ms apart, and never more than one from the line.
+    """
+    digit = float(np.min(steps[steps > 0.0]))
+    wholes = steps / digit
+    if np.max(np.abs(wholes - np.round(wholes))) > _LITTLE:
+        return False
+    line = np.linspace(time_s[0], time_s[-1], len(time_s))
+    return bool(np.max(np.abs(time_s - line)) <= (1.0 + _LITTLE) * digit)
 
 
 def _setting(name: str) -> str:
