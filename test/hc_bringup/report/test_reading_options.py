@@ -9,6 +9,7 @@ import shlex
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from hc_bringup.commands import compare, estimate, report
@@ -99,9 +100,29 @@ def test_what_was_known_before_a_change_is_not_called_nothing() -> None:
         "identifiability": nothing,
         "changes_detected": 2,
         "most_known": 1.0,
+        "model_mismatch_share": 0.0,
     }
     said = estimate.why_no_result(summary)
     assert said.startswith("2 changes of the tissue detected, and what came after the last one ")
     for other in ({"changes_detected": 0}, {"most_known": 0.3}):
         said = estimate.why_no_result(summary | other)
         assert said == "the 900 samples show nothing of K, B, n and p: press, and move"
+
+
+def test_presses_on_something_rigid_are_not_called_none(tmp_path: Path) -> None:
+    """Regression: of presses through 4 mm of tissue onto a table "press, and move"."""
+    time_s = np.arange(0.0, 40.0, 0.002)
+    depth = -2.0 + 3.2 * (1.0 - np.cos(2.0 * np.pi * 0.4 * time_s))
+    speed = np.gradient(depth, time_s)
+    noise = np.random.default_rng(12)
+    place = depth + noise.normal(0.0, 0.003, depth.size)
+    law = 0.4 + 0.012 * np.sign(speed) * np.abs(speed) ** 1.1
+    force = np.maximum(0.0, law * np.maximum(depth, 0.0) ** 1.5)
+    force += 30.0 * np.maximum(depth - 4.0, 0.0) + noise.normal(0.0, 0.01, depth.size)
+    path = tmp_path / "table.csv"
+    rows, header = np.column_stack((time_s, place, force)), "time_s,displacement_mm,force_N"
+    np.savetxt(path, rows, delimiter=",", header=header, comments="", fmt="%.9g")
+    with pytest.raises(UserError) as caught:
+        estimate.run(parsed(estimate, str(path)))
+    assert "the contact law did not fit in " in str(caught.value)
+    assert "press less deep" in str(caught.value)

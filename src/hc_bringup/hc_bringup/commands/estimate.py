@@ -22,6 +22,8 @@ LEAST_USED_SHARE = 0.02
 """Of the samples: a recording of which less can be used shows nothing of the tissue."""
 _MUCH_KNOWN = 0.9
 _NOTHING_KNOWN = 0.01
+_MUCH_MISFIT = 0.2
+"""Of the samples: a law that fits no better is why nothing is known, and no lack of presses."""
 _FIGURES = ("force_predicted_rmse_n", "force_reconstructed_rmse_n", "nis_mean")
 
 
@@ -309,6 +311,13 @@ def why_no_result(summary: dict[str, Any], *, doubted: bool = False) -> str:
                 "of K, B, n and p: press once more behind it; if the tissue stayed as it is, this "
                 "filter or contact law does not fit it (-o writes every estimate, with what was "
                 "known before)"
+            )
+        misfit = summary["model_mismatch_share"]
+        if misfit > _MUCH_MISFIT:
+            return (
+                f"the contact law did not fit in {100 * misfit:.0f} % of the samples, and nothing "
+                "of K, B, n and p is known in the end: hc doctor says what may be wrong, unless "
+                "something rigid lies beneath (then press less deep)"
             )
         return f"the {count} samples show nothing of K, B, n and p: press, and move"
     results = [*summary["parameters"].values(), *summary["parameters_std"].values()]
