@@ -96,3 +96,23 @@ def test_no_scenario_of_the_rig_has_one(name):
     recording = Rig(load_scenario(name)).run()
     if hasattr(recording, "force_n"):
         assert not steps(recording.time_s, recording.displacement_mm, recording.force_n)
+
+
+def test_a_force_that_lets_go_in_every_press_is_no_zero():
+    """Regression: "its zero was taken anew" was told of each of four withdrawals of a needle."""
+    time_s = np.arange(0.0, 40.0, 0.002)
+    noise = np.random.default_rng(11)
+    depth = -3.0 + 7.5 * (1.0 - np.cos(0.2 * np.pi * time_s))
+    out = np.sin(0.2 * np.pi * time_s) < 0.0
+    through = np.where(depth < 4.0, 0.4 * np.maximum(depth, 0.0) ** 1.5, 0.6)
+    force = np.where(out, -0.2 * (depth > 0.0), through)
+    readings = depth + noise.normal(0.0, 0.005, depth.size), force
+    assert steps(time_s, readings[0], force + noise.normal(0.0, 0.01, depth.size)) == []
+
+
+def test_zeros_that_are_taken_to_and_fro_are_found_all():
+    time_s, displacement, force = robot()
+    rests = [2.0 + k * 2.0 * math.pi / 2.2 for k in (1, 3, 5)]
+    for sizes in ((0.4, -0.4, 0.4), (0.4, -0.8, 0.4)):
+        zero = sum(s * (time_s >= at_s) for s, at_s in zip(sizes, rests, strict=True))
+        assert len(steps(time_s, displacement, force + zero)) == len(rests)

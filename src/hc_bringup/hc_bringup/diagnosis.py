@@ -19,6 +19,7 @@ from hc_bringup.force_error import dishonest_line
 from hc_bringup.held_tool import relaxing_line
 from hc_bringup.robot_mechanics import MOVES_WITH
 from hc_bringup.treated_samples import FORCE_LIMIT, Estimated, FloatArray, Samples
+from hc_bringup.wandering_zero import wandering_zero
 from hc_estimator import PARAMETER_NAMES, Rejection
 from hc_estimator.stream.readings import (
     LEAST_SAMPLES,
@@ -165,6 +166,9 @@ def _judged(
         cost = cost_of(before, after, mended)
         findings.append(Finding(doubt.sentence, settings, cost or (_UNKNOWN if spoilt else "")))
         before = after
+    if not spoilt:
+        wandering, before = _wandering(samples, before)
+        findings += wandering
     after = before
     if not (spoilt or samples.limits):  # a force that goes no further looks late
         findings += between_channels(samples, before, fits_no_worse=not _moves_with(findings))
@@ -214,6 +218,23 @@ def _judged(
         _say_deviation(findings, samples.surface_std_mm)
     diagnosis = Diagnosis(tuple(findings), after, tuple(plans), depth, samples.surface_std_mm)
     return diagnosis, before
+
+
+def _wandering(
+    samples: Samples, before: Estimated | None
+) -> tuple[list[Finding], Estimated | None]:
+    """Say so where the law does not fit and the force's zero wanders; return the estimate then."""
+    if before is None or before.mismatch <= DISTURBED_SHARE:
+        return [], before
+    found = wandering_zero(samples.time_s, samples.displacement_mm, samples.force_n)
+    if found is None:
+        return [], before
+    steady = dataclasses.replace(samples, force_n=samples.force_n - found.zero_n)
+    after = steady.estimate()
+    if fits_worse(before, after):
+        return [], before
+    samples.force_n = steady.force_n
+    return [Finding(found.words, {}, cost_of(before, after, True))], after
 
 
 def _say_deviation(findings: list[Finding], surface_std_mm: float) -> None:

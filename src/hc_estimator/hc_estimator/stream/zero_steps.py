@@ -42,6 +42,8 @@ _LARGEST_ACCELERATION = 1e5
 """mm/s^2, ten times that of free fall: no tool that palpates gets from rest to rest with it."""
 _MOST = 100
 """Changes that are looked at, the largest first."""
+_OFTEN, _ALIKE = 3, 0.2
+"""Steps from one level to another that are no zeros; share of their size by which levels differ."""
 _BEYOND_SHARE = 0.05
 """So many readings may lie beyond the zero: a tissue pushes one way, but for one that sticks."""
 
@@ -84,6 +86,8 @@ def find_steps(displacement: Readings, force: Readings) -> Parts[list[Suspicion]
         jump = next((j for j in jumps if abs(j.end_s - step.end_s) < _TOGETHER_S), None)
         if jump is not None or _is_no_contact(step, displacement, force):
             steps.append((force, step))
+    if _is_of_each_press([step for _readings, step in steps]):
+        steps = []
     steps += [(displacement, jump) for jump in jumps]
     return [_suspicion(*found) for found in sorted(steps, key=lambda found: found[1].end_s)]
 
@@ -161,6 +165,18 @@ def _is_end(part: FloatArray, level: float, deviation: float, least: float) -> b
     allowed = max(_FLAT * deviation, 0.2 * least)
     beyond = float(np.mean(part < level - allowed)), float(np.mean(part > level + allowed))
     return min(beyond) < _BEYOND_SHARE
+
+
+def _is_of_each_press(steps: list[_Step]) -> bool:
+    """Whether the force steps from one level to another again and again: no zero was another then.
+
+    What holds a needle back, or sticks to a tool, lets go of it in every press.
+    """
+    if len(steps) < _OFTEN:
+        return False
+    before, after = np.array([(step.before, step.after) for step in steps]).T
+    alike = _ALIKE * float(np.min(np.abs(after - before)))
+    return float(np.ptp(before)) < alike and float(np.ptp(after)) < alike
 
 
 def _is_no_motion(step: _Step) -> bool:
