@@ -178,7 +178,7 @@ class SampleFlow:
                 motion = [setting.name for setting in tool_motion.SETTINGS]
                 zeros |= {recorded_less(name): values[name] for name in motion if values.get(name)}
                 zeros |= {name: True for name in repeats.SETTINGS.values() if values.get(name)}
-                if values["input.position.type"] != "joint":  # which tells no attitude
+                if values.get("input.position.type", "joint") != "joint":  # which has no attitude
                     zeros[CONTACT_FRAME] = values[CONTACT_FRAME]
         session = self._configured()
         loaded = session.loaded if revision.cause is Cause.STATE_LOADED else None
