@@ -46,6 +46,8 @@ SPOILT = (
 _UNKNOWN = "cannot be said, and neither can delay and zeros, until it is put right"
 UNSURE_SHARE = 0.05
 """Of K: what the place of the surface may leave open without a word."""
+_MOST_CHANGES = 5
+"""Of the tissue, that are named."""
 OUT_OF_RANGE = Rejection.OUT_OF_RANGE.name.lower()
 CONTACT_STD = "contact_position_std"
 """The estimator's setting that says how well the surface is known."""
@@ -296,6 +298,20 @@ def _refusals(estimated: Estimated | None, count: int, but: str) -> list[Finding
         Finding(f"{n} of {count} samples are refused ({reason.replace('_', ' ')})")
         for reason, n in refused.items()
     ]
+
+
+def changes_line(diagnosis: Diagnosis) -> str:
+    """Return when the tissue changed, for the parameters are of what came after; else nothing."""
+    estimated = diagnosis.estimated
+    if estimated is None or not estimated.changed_s:
+        return ""
+    shown = ", ".join(f"{time_s:.2f}" for time_s in estimated.changed_s[:_MOST_CHANGES])
+    more = ", ..." if len(estimated.changed_s) > _MOST_CHANGES else ""
+    what = "a change" if len(estimated.changed_s) == 1 else f"{len(estimated.changed_s)} changes"
+    return (
+        f"{what} of the tissue detected, at {shown}{more} s: K, B, n and p are of what came after "
+        "the last one"
+    )
 
 
 def estimate_lines(diagnosis: Diagnosis) -> list[str]:

@@ -50,6 +50,7 @@ class Estimated:
         nis: mean normalised innovation squared of what is settled, ideally 2.
         delay_s: by how much the force is late in the end [s].
         delay_std_s: its standard deviation [s].
+        changed_s: when a change of the tissue was detected [s].
     """
 
     parameters: FloatArray
@@ -62,6 +63,7 @@ class Estimated:
     nis: float
     delay_s: float
     delay_std_s: float
+    changed_s: tuple[float, ...] = ()
 
 
 @dataclass
@@ -294,4 +296,5 @@ class Samples:
             float(np.mean(of_two_readings(series.nis, series.innovation)[counted])),
             last.channel_delay,
             last.channel_delay_std,
+            tuple(self.time_s[series.change_detected].tolist()),
         )

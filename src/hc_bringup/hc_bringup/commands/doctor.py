@@ -44,7 +44,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; status 1 where something is wrong."""
-    from hc_bringup.diagnosis import diagnose
+    from hc_bringup.diagnosis import changes_line, diagnose
     from hc_bringup.finding import Finding
     from hc_bringup.live_check import listen, said_once, too_short_wait
     from hc_bringup.read_otherwise import settings_that_repeat
@@ -122,6 +122,7 @@ def run(arguments: argparse.Namespace) -> int:
         notes = (*notes, recording_input.assumed_line(rows[1], rows[2], table=table))
         heartbeat.doing("estimating, and looking for what is wrong")
         diagnosis = diagnose(*rows, surface_std_mm, force_limit_n, channel_delay, once)
+        notes = (*notes, changes_line(diagnosis))
         of_effort = settings.get("source") == "effort"
         findings += [_of_one_message(f) if of_effort else f for f in diagnosis.findings]
         if arguments.input in (None, "live"):
