@@ -12,7 +12,7 @@ from rclpy.serialization import serialize_message
 
 from hc_bringup.dashboard.palpation import MAP_COLUMNS
 from hc_bringup.dashboard.taps import Arrival
-from hc_bringup.dashboard.taxels import MOST_SHOWN, TaxelMap
+from hc_bringup.dashboard.taxels import ARRAY_TYPE, MOST_SHOWN, TaxelMap, arrays_of, chosen_array
 
 PLACE = {name: index for index, name in enumerate(MAP_COLUMNS)}
 
@@ -142,3 +142,18 @@ def test_the_page_shows_the_lump_under_the_taxels(
     )
     assert sum(abs(a - b) for a, b in zip(*drawn, strict=True)) > 150
     assert page.complaints() == []
+
+
+def test_the_array_shown_is_that_of_the_namespace_or_the_only_one():
+    """Regression: beside an estimator in a namespace an array without one had no map."""
+    kinds = {
+        "/tactile/estimate": [ARRAY_TYPE],
+        "/left/hc/estimate": ["hc_msgs/msg/HuntCrossleyEstimate"],
+        "/left/tactile/estimate": [ARRAY_TYPE],
+    }
+    own = "/left/tactile/estimate"
+    assert arrays_of(kinds) == [own, "/tactile/estimate"]
+    assert chosen_array(["/tactile/estimate"], own) == "/tactile/estimate"
+    assert chosen_array([own, "/tactile/estimate"], own) == own
+    assert chosen_array(["/pad/estimate", "/tactile/estimate"], own) == own
+    assert chosen_array([], own) == own

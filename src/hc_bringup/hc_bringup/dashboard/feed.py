@@ -24,7 +24,7 @@ from hc_bringup.dashboard.parsing import EstimatesParser, RecordParser
 from hc_bringup.dashboard.rare_messages import RareMessages
 from hc_bringup.dashboard.server import DashboardServer
 from hc_bringup.dashboard.taps import Arrival, Taps
-from hc_bringup.dashboard.taxels import TaxelMap
+from hc_bringup.dashboard.taxels import ARRAY_TYPE, TaxelMap, arrays_of, chosen_array
 from hc_bringup.explanation import BackgroundExplainer, RecentMotion
 from hc_bringup.statistics import estimate_rows
 from hc_bringup.zero_effect import DeepestTouch
@@ -191,9 +191,13 @@ class Feed:
         self._want(SAMPLE, _TYPES[SAMPLE], self._on_samples, wanted=not estimated)
         # Of the truth the latest of each turn is enough: it is shown at the rate of the page.
         self._want(TRUTH, _TYPES[TRUTH], self._on_truth, wanted=True, depth=1)
-        taxels = "hc_msgs/msg/TactileEstimate"
-        self._want(TACTILE_ESTIMATE, taxels, self._taxels.take, wanted=True, depth=1)
-        kinds = dict(self._node.get_topic_names_and_types()).get(self._names[TIP], [])
+        kinds_of = dict(self._node.get_topic_names_and_types())
+        if TACTILE_ESTIMATE not in self._acquired:
+            own = self._node.resolve_topic_name(TACTILE_ESTIMATE)
+            told = [n for n in arrays_of(kinds_of) if self._taps.publishers(n) > 0]
+            self._names[TACTILE_ESTIMATE] = chosen_array(told, own)
+        self._want(TACTILE_ESTIMATE, ARRAY_TYPE, self._taxels.take, wanted=True, depth=1)
+        kinds = kinds_of.get(self._names[TIP], [])
         kind = next((kind for kind in kinds if kind in _TIP_FIELDS), None)
         if kind is not None and TIP not in self._acquired:
             self._parsers[TIP] = RecordParser(kind)

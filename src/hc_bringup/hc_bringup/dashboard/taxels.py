@@ -7,6 +7,7 @@ taxel has let go its last estimate stays.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -22,7 +23,24 @@ from hc_msgs_py.wire_arrays import ArraysDecoder
 MOST_SHOWN: Final = 4096
 """Of more taxels only every second, third ... row and column is shown: frames stay bounded."""
 
+ARRAY_TYPE: Final = "hc_msgs/msg/TactileEstimate"
+
 _PLACE: Final = {name: index for index, name in enumerate(MAP_COLUMNS)}
+
+
+def arrays_of(kinds: Mapping[str, Sequence[str]]) -> list[str]:
+    """Return the topics of tactile arrays among all topics with their types."""
+    return sorted(name for name, types in kinds.items() if ARRAY_TYPE in types)
+
+
+def chosen_array(told: Sequence[str], own: str) -> str:
+    """Return the array that the page shows: that of its namespace, or else the only one.
+
+    Args:
+        told: topics of arrays that somebody publishes.
+        own: that of the page's namespace.
+    """
+    return told[0] if len(told) == 1 else own
 
 
 class TaxelMap:
