@@ -194,8 +194,8 @@ class Feed:
         kinds_of = dict(self._node.get_topic_names_and_types())
         if TACTILE_ESTIMATE not in self._acquired:
             own = self._node.resolve_topic_name(TACTILE_ESTIMATE)
-            told = [n for n in arrays_of(kinds_of) if self._taps.publishers(n) > 0]
-            self._names[TACTILE_ESTIMATE] = chosen_array(told, own)
+            found = [n for n in arrays_of(kinds_of) if self._taps.publishers(n) > 0]
+            self._names[TACTILE_ESTIMATE] = chosen_array(found, own)
         self._want(TACTILE_ESTIMATE, ARRAY_TYPE, self._taxels.take, wanted=True, depth=1)
         kinds = kinds_of.get(self._names[TIP], [])
         kind = next((kind for kind in kinds if kind in _TIP_FIELDS), None)

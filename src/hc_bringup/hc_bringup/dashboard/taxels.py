@@ -33,14 +33,14 @@ def arrays_of(kinds: Mapping[str, Sequence[str]]) -> list[str]:
     return sorted(name for name, types in kinds.items() if ARRAY_TYPE in types)
 
 
-def chosen_array(told: Sequence[str], own: str) -> str:
+def chosen_array(topics: Sequence[str], own: str) -> str:
     """Return the array that the page shows: that of its namespace, or else the only one.
 
     Args:
-        told: topics of arrays that somebody publishes.
+        topics: of arrays that somebody publishes.
         own: that of the page's namespace.
     """
-    return told[0] if len(told) == 1 else own
+    return topics[0] if len(topics) == 1 else own
 
 
 class TaxelMap:
