@@ -18,6 +18,7 @@ from hc_bringup.finding import DISTURBED_SHARE, SYMBOLS, Finding, cost_of, fits_
 from hc_bringup.force_error import dishonest_line
 from hc_bringup.held_tool import relaxing_line
 from hc_bringup.robot_mechanics import MOVES_WITH
+from hc_bringup.sticking import sticking_line
 from hc_bringup.treated_samples import FORCE_LIMIT, Estimated, FloatArray, Samples
 from hc_bringup.wandering_zero import wandering_zero
 from hc_estimator import PARAMETER_NAMES, Rejection
@@ -187,6 +188,9 @@ def _judged(
     ):
         findings.append(Finding(line))
     if after is not None and after.mismatch > DISTURBED_SHARE:
+        readings = (samples.time_s, samples.displacement_mm, samples.force_n)
+        if not spoilt and (line := sticking_line(*readings)):
+            findings.append(Finding(line))
         findings.append(
             Finding(
                 f"the contact law does not fit in {100 * after.mismatch:.0f} % of the contact: "
