@@ -61,3 +61,11 @@ def test_doctor_says_it_beside_the_misfit():
 def test_nothing_else_is_called_so(change):
     time_s, depth, speed, force = presses()
     assert sticking_line(time_s, *noisy(depth, change(speed, force))) == ""
+
+
+def test_of_a_tool_that_stays_in_the_tissue_nothing_is_said():
+    """What it reads where it is highest is no zero: of one late by 30 ms "pulled by 0.6 N"."""
+    time_s, depth, _speed, _force = presses()
+    inside = 3.0 + 0.35 * depth
+    late = np.interp(time_s + 0.03, time_s, 0.85 * inside**1.7)
+    assert sticking_line(time_s, *noisy(inside, late)) == ""

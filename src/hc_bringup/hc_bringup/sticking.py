@@ -41,9 +41,12 @@ def sticking_line(time_s: Array, displacement_mm: Array, force_n: Array) -> str:
     _stamps, depth, newtons = together(time_s, displacement_mm, force_n)
     if len(newtons) < LEAST_SAMPLES:
         return ""
-    zero_n = float(np.median(newtons[depth <= np.quantile(depth, IN_THE_AIR)]))
+    air = newtons[depth <= np.quantile(depth, IN_THE_AIR)]
+    low_n, zero_n, high_n = np.quantile(air, (0.05, 0.5, 0.95)).tolist()
     least, most = robust_range(newtons)
     enough_n = max(CLEAR * noise(newtons), LEAST_SHARE * (most - least))
+    if high_n - low_n > enough_n:  # it stays in the tissue
+        return ""
     pulls = newtons < zero_n - enough_n
     if np.mean(pulls) < FEWEST:
         return ""
