@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import butter, lfilter
 
 from hc_bringup.diagnosis import diagnose
-from hc_bringup.play import behind_play
+from hc_evaluation.play import behind_play
 
 RATE = 500.0
 PLAY = 0.6

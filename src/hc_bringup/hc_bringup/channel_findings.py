@@ -75,8 +75,7 @@ def between_channels(
         after = moved.estimate()
         if fits_worse(before, after):
             continue  # one law was bent over tissue that varies: no zero is off
-        samples.displacement_mm, samples.force_n = moved.displacement_mm, moved.force_n
-        samples.surface_std_mm = moved.surface_std_mm
+        samples.take_over(moved)
         findings.append(Finding(what, {key: rounded(value, 4)}, cost_of(before, after, True)))
         before = after
     fits = found.residual_rms_n < MOST_NOISES * found.noise_n
@@ -113,7 +112,7 @@ def _delayed(
     after = aligned.estimate()
     if fits_no_worse and fits_worse(before, after):
         return [], before
-    samples.shift_force(-left_s)
+    samples.take_over(aligned)
     cost = cost_of(before, after, True)
     return [Finding(Delay(left_s, deviation_s, 1).late, settings, cost)], after
 
@@ -145,7 +144,7 @@ def at_all_places(
     after = aligned.estimate()
     if fits_worse(before, after):
         return []
-    samples.channel_delay = aligned.channel_delay
+    samples.take_over(aligned)
     what = f"{delay.late}, at {delay.places} places that were pressed one after another"
     settings = {CHANNEL_DELAY: aligned.channel_delay}
     return [Finding(what, settings, cost_of(before, after, True))]

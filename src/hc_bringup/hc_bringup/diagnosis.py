@@ -239,7 +239,7 @@ def _wandering(
     after = steady.estimate()
     if fits_worse(before, after):
         return [], before
-    samples.force_n = steady.force_n
+    samples.take_over(steady)
     return [Finding(found.words, {}, cost_of(before, after, True))], after
 
 

@@ -2,19 +2,18 @@
 
 At each turn the position moves on by the play before the tip follows, whatever the speed. For a
 law that looks like a force that is late, and none is late by a distance: so each width is tried on
-the law itself. (Backlash as an operator: Tao and Kokotovic, Adaptive Control of Systems with
-Actuator and Sensor Nonlinearities, 1996.)
+the law itself.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hc_evaluation.channels import ChannelDiagnosis, diagnose_channels
+from hc_evaluation.play import behind_play
 
 Array = NDArray[np.float64]
 
@@ -30,27 +29,6 @@ _COARSE: Final = 8
 _FINE: Final = 10
 _ROWS: Final = 4000
 """That a width is tried on."""
-_GOLDEN: Final = (5.0**0.5 - 1.0) / 2.0
-
-
-def behind_play(position_mm: Array, play_mm: float) -> Array:
-    """Return where the tip is behind a play of this width [mm], shape (n,); NaN stays where it is.
-
-    Args:
-        position_mm: what is read [mm], shape (n,).
-        play_mm: whole width [mm].
-    """
-    tips = np.full(len(position_mm), np.nan)
-    there = np.flatnonzero(np.isfinite(position_mm))
-    if not len(there):
-        return tips
-    half, tip = 0.5 * play_mm, float(position_mm[there[0]])
-    followed = []
-    for place in position_mm[there].tolist():
-        tip = min(max(tip, place - half), place + half)
-        followed.append(tip)
-    tips[there] = followed
-    return tips
 
 
 def find_play(even: tuple[Array, Array, Array], found: ChannelDiagnosis) -> float:
@@ -63,6 +41,8 @@ def find_play(even: tuple[Array, Array, Array], found: ChannelDiagnosis) -> floa
     looks_late = "delay" in found.clear_faults and found.delay_s > 0.0
     if not looks_late or found.residual_rms_n <= MOST_NOISES * found.noise_n:
         return 0.0
+    from scipy.optimize import minimize_scalar
+
     time_s, position_mm, force_n = even
     every = max(1, len(time_s) // _ROWS)
     stroke_mm = float(np.ptp(position_mm))
@@ -81,24 +61,14 @@ def find_play(even: tuple[Array, Array, Array], found: ChannelDiagnosis) -> floa
     best = int(np.argmin(rests))
     low = widths[best - 1] if best else 0.0
     high = widths[min(best + 1, _COARSE - 1)]
-    play_mm = _least(lambda width: judged(width)[0], low, high)
+    near = minimize_scalar(
+        lambda width: judged(width)[0],
+        bounds=(low, high),
+        method="bounded",
+        options={"maxiter": _FINE},
+    )
+    play_mm = float(near.x)
     rest_n, noise_n = judged(play_mm)
     here, with_faults = (max(n**2 - noise_n**2, 0.0) for n in (rest_n, found.residual_rms_n))
     explains = rest_n < MOST_NOISES * noise_n and LEAST_GAIN * here < with_faults
     return play_mm if explains and play_mm > LEAST_SHARE * stroke_mm else 0.0
-
-
-def _least(of: Callable[[float], float], low: float, high: float) -> float:
-    """Return where a function with one valley is least, by golden sections."""
-    one, other = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
-    at_one, at_other = of(one), of(other)
-    for _ in range(_FINE):
-        if at_one < at_other:
-            high, other, at_other = other, one, at_one
-            one = high - _GOLDEN * (high - low)
-            at_one = of(one)
-        else:
-            low, one, at_one = one, other, at_other
-            other = low + _GOLDEN * (high - low)
-            at_other = of(other)
-    return 0.5 * (low + high)

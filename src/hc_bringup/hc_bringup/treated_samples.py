@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_bringup.force_error import settled
-from hc_bringup.play import behind_play
 from hc_bringup.robot_mechanics import MOTION
 from hc_bringup.terminal.numbers import rounded
 from hc_estimator import Rejection, create_estimator
@@ -26,6 +25,7 @@ from hc_estimator.stream.sensor_setup import SURFACE_SHARE
 from hc_estimator.stream.together import of_two_readings, together
 from hc_estimator.stream.tool_motion import ToolMotion
 from hc_estimator.stream.tool_motion_checks import FoundMotion, find_tool_motion
+from hc_evaluation.play import behind_play
 from hc_msgs_py.units import NANOSECONDS
 
 FloatArray = NDArray[np.float64]
@@ -178,6 +178,10 @@ class Samples:
             self.take_force_zero(found.zero_n)
             settings["force.zero"] = rounded(found.zero_n, 4)
         return settings
+
+    def take_over(self, tried: Samples) -> None:
+        """Be as a copy that was tried, with what was estimated of it."""
+        self.__dict__.update(tried.__dict__)
 
     def take_play(self, play_mm: float) -> None:
         """Let the position be that behind a play [mm]."""

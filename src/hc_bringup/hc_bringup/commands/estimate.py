@@ -51,12 +51,12 @@ def run(arguments: argparse.Namespace) -> int:
     import sys
 
     from hc_bringup.force_error import dishonest_line
-    from hc_bringup.reading_changes import change_lines, read_alike, unexplained
+    from hc_bringup.reading_changes import change_lines
     from hc_bringup.summary import MISFIT_SHARE, to_json, why_unusable
     from hc_bringup.taken_off_live import not_taken_off
+    from hc_bringup.unusable import doubts_of
     from hc_estimator.stream.in_pieces import run_in_pieces
     from hc_estimator.stream.readings import MEANINGS
-    from hc_estimator.stream.sanity import check_samples
 
     if arguments.verify:
         return _verify(arguments)
@@ -66,15 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
     estimator = make_estimator(arguments, recording)
     changes = recording.reading_changes
     origin_ns = int(recording.stamps[0]) if len(recording.stamps) else 0
-    suspicions = unexplained(
-        check_samples(
-            *read_alike(recording),
-            estimator.configuration["force_limit"],
-            recording.counted_once,
-        ),
-        changes,
-        origin_ns,
-    )
+    suspicions = doubts_of(recording, estimator.configuration["force_limit"])
     name = name_of(arguments)
     lines = [
         *recording.findings.lines(),

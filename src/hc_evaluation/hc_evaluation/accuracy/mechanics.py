@@ -23,6 +23,7 @@ from hc_evaluation.accuracy.drawn_contact import Between, Draw, DrawnContact, dr
 from hc_evaluation.accuracy.measure import Numbers
 from hc_evaluation.accuracy.scenarios import log_uniform
 from hc_evaluation.accuracy.troubles import NOTHING, TroubleTask, believed, rows_of
+from hc_evaluation.play import behind_play
 from hc_msgs_py.units import NANOSECONDS
 
 FloatArray = NDArray[np.float64]
@@ -31,15 +32,6 @@ Read = tuple[FloatArray, FloatArray]
 
 TOLD_WRONG = 0.1
 SLOWEST_MM_S = 0.2  # from which on friction is that of motion
-
-
-def _with_memory(value: FloatArray, half_width: float) -> FloatArray:
-    """Play: what follows moves only once it is touched at either end of a gap."""
-    follows, out = float(value[0]), np.empty_like(value)
-    for i, now in enumerate(value.tolist()):
-        follows = min(max(follows, now - half_width), now + half_width)
-        out[i] = follows
-    return out
 
 
 def _inertia(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray) -> Read:
@@ -79,13 +71,13 @@ def _friction_of(largest: float, time: FloatArray, place: FloatArray) -> FloatAr
 def _hysteresis(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray) -> Read:
     """A force sensor whose spring remembers."""
     del time
-    return place, _with_memory(force, log_uniform(draw, 0.002, 0.02) * float(np.max(force)))
+    return place, behind_play(force, 2.0 * log_uniform(draw, 0.002, 0.02) * float(np.max(force)))
 
 
 def _play(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray) -> Read:
     """Play between the tool and what its position is read from."""
     del time
-    return _with_memory(place, log_uniform(draw, 0.01, 0.1)), force
+    return behind_play(place, 2.0 * log_uniform(draw, 0.01, 0.1)), force
 
 
 def _low_pass(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray) -> Read:
