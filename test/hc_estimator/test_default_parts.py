@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 
 import hc_estimator as hc
 from hc_estimator.estimate import Hypothesis
-from hc_estimator.multiple_model import batch_fit, grid, history, raw_readings
+from hc_estimator.multiple_model import batch_fit, grid, history, point_velocity, raw_readings
 from hc_estimator.multiple_model.hypotheses import without
 from hc_estimator.multiple_model.local_polynomial import EDGE, QUADRATIC
 from hc_estimator.multiple_model.records import POINTS
@@ -323,7 +323,7 @@ def test_a_parabola_hides_no_velocity(frequency, noise, parts):
             true.append(omega * np.cos(omega * centre))
     found = kept.points[: kept.count]
     variance = 3.0 * noise**2 / 0.015**2 / 30.0
-    batch_fit._share_cubic(kept, variance, kept.count / 3.0)
+    point_velocity._share_cubic(kept, variance, kept.count / 3.0)
     share = kept.cubic_share
     off = found["velocity"] + share * found["cubic"] - true
     slope = np.sum(off * true) / np.sum(np.square(true))

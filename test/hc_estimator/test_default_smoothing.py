@@ -130,6 +130,42 @@ def test_the_variance_of_a_wide_cubic_is_the_one_that_is_said():
         assert smoothing.take_wide(finder, here, 1.0)
         squares.append(finder.wide[0] ** 2)
     value = 0.01**2 * smoothing.VALUE_VARIANCE / grid.readings_of(finder)
-    said = smoothing.wide_variance(finder, value)
+    said = smoothing.slope_variance(finder, value, smoothing.BY_CUBIC)
     assert said < grid.velocity_variance(finder, 0.01**2) / 2.0
     assert np.mean(squares) == pytest.approx(said, rel=0.3)  # 13 % by chance
+
+
+@pytest.mark.parametrize(("frequency", "off"), [(4.0, 0.002), (8.0, 0.005), (12.0, 0.03)])
+@pytest.mark.parametrize("rate", [200.0, 500.0, 1000.0])
+def test_a_quintic_leaves_a_tremor_as_it_is(frequency, off, rate):
+    """A parabola of 30 ms makes its velocity 1.4, 5.7 and 12.5 % too small."""
+    time = np.arange(round(0.4 * rate)) / rate
+    omega = 2.0 * np.pi * frequency
+    for phase in (0.0, 0.7, 2.0):
+        finder, here = gridded(np.sin(omega * time + phase), rate)
+        assert smoothing.take_quintic(finder, here, 1e-6 + 1e-4 * (omega / 50.0) ** 12)
+        at = finder.grid_next - finder.grid_step * (finder.grid_count - here)
+        velocity = omega * np.cos(omega * at + phase)
+        assert finder.quintic == pytest.approx(velocity, abs=off * omega)
+
+
+def test_a_corner_is_no_quintic():
+    rate, time = 1000.0, np.arange(400) / 1000.0
+    finder, here = gridded(np.zeros(400), rate)
+    corner = finder.grid_next - finder.grid_step * (finder.grid_count - here)
+    finder, here = gridded(20.0 * np.abs(time - corner), rate)
+    assert not smoothing.take_quintic(finder, here, 1e-6)
+
+
+@pytest.mark.parametrize("rate", [200.0, 1000.0])
+def test_the_variance_of_a_quintic_is_the_one_that_is_said(rate):
+    """About that of the parabola, which flattens a tremor by fifteen times as much."""
+    rng, squares = np.random.default_rng(9), []
+    for _ in range(200):
+        finder, here = gridded(0.01 * rng.standard_normal(round(0.25 * rate)), rate)
+        assert smoothing.take_quintic(finder, here, 1.0)
+        squares.append(finder.quintic**2)
+    value = 0.01**2 * smoothing.VALUE_VARIANCE / grid.readings_of(finder)
+    said = smoothing.slope_variance(finder, value, smoothing.BY_QUINTIC)
+    assert said == pytest.approx(grid.velocity_variance(finder, 0.01**2), rel=0.3)
+    assert np.mean(squares) == pytest.approx(said, rel=0.3)  # 10 % by chance

@@ -61,7 +61,7 @@ OWNERS = {
     "clock": ("screening", "multiple_model/alignment", "multiple_model/sample"),
     "noise": ("adaptation/difference_noise",),
     "color": ("adaptation/noise_color",),
-    "motion": ("adaptation/motion_density",),
+    "motion": ("adaptation/motion_density", "adaptation/density_correction"),
     "tool": (
         "multiple_model/levels",
         "multiple_model/plausible",
@@ -221,6 +221,9 @@ GUESTS = {
     "multiple_model/plausible": {"row": "predicted_force state"},
     "multiple_model/reserve": {"row": "active state"},
     "multiple_model/fit_covariance": {"history": "covariance damped"},
+    "multiple_model/point_velocity": {
+        "history": "cubic_share trembles velocity_noise velocity_std"
+    },
     "adaptation/change_detection": {
         "memory": "change_filled change_position change_quiet change_sum change_values"
     },

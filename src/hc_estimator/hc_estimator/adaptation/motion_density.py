@@ -15,9 +15,7 @@ After another step than the usual one, gains and variance are those of that step
 125 Hz that lost half of its readings at random a misfit was said in a fifth of the time). Readings
 that come in bursts are hardly ever a usual step apart; then nothing is known.
 
-A real motion is smoother than white jerk at the scale of one sample. Where the force tells the
-velocity better than the displacement does, the bank's density is therefore too large, and the
-normalised innovations too small; a slow factor, never above 1, corrects that.
+What the innovations of force and displacement say of that density is `density_correction`'s.
 """
 
 from __future__ import annotations
@@ -55,9 +53,7 @@ FEW_REGULAR = 8.0  # score of the latest steps below which hardly any was regula
 LARGEST_SCORE = 64.0
 FEW_AFTER = 24  # readings since the start, before which that says nothing
 RUN_AWAY = 1e6  # an innovation beyond is that of gains for another step than the readings have [mm]
-CORRECTION_RATE = 0.05  # per sample
-SMALLEST_CORRECTION = -4.0  # of the logarithm of the factor
-LARGEST_NIS = 4.0  # one spike must not move the factor
+SMALLEST_CORRECTION, LARGEST_CORRECTION = -4.0, 3.0  # of the logarithm of the slow factor
 # Two-sided cumulative sum of the normalised innovations: for white ones it passes the limit once in
 # some 1e7 readings.
 BIAS_DRIFT = 1.0
@@ -139,7 +135,8 @@ MOTION = record_type(
         Field("chosen", np.int64, (), 0, MEMBERS - 1),  # likeliest member
         Field("density", np.float64, (), 0.0),  # its jerk density; 0: not known yet
         # Logarithm of the slow factor.
-        Field("log_correction", np.float64, (), SMALLEST_CORRECTION, 0.0),
+        Field("log_correction", np.float64, (), SMALLEST_CORRECTION, LARGEST_CORRECTION),
+        Field("means", np.float64, (2,)),  # short and long, of the force's innovations
     )
 )
 
@@ -149,6 +146,7 @@ def reset(motion: Any) -> None:
     """Nothing is known of the motion."""
     motion.density = 0.0
     motion.log_correction = 0.0
+    motion.means[0], motion.means[1] = 0.0, 0.0
     motion.chosen = 0
     restart(motion)
 
@@ -349,13 +347,6 @@ def covariance_of(motion: Any, i: int, j: int, noise: float) -> float:
     """Element of the covariance of `motion_of`, for noise of the given variance [mm^2]."""
     element = BANK[motion.chosen, 4 + 3 * i + j]
     return noise * element / motion.step ** (i + j)  # type: ignore[no-any-return]
-
-
-@compiled
-def correct(motion: Any, nis: float) -> None:
-    """Move the slow factor by one normalised innovation squared (mean 2 when it is right)."""
-    moved = motion.log_correction + CORRECTION_RATE * (min(0.5 * nis, LARGEST_NIS) - 1.0)
-    motion.log_correction = min(max(moved, SMALLEST_CORRECTION), 0.0)
 
 
 @compiled

@@ -18,14 +18,14 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import (
-    clear_matrix,
-    clear_vector,
-    copy_matrix,
-    copy_vector,
+from hc_estimator.linear_algebra import clear_matrix, clear_vector, copy_matrix, copy_vector
+from hc_estimator.multiple_model import (
+    contradiction,
+    delay_sensitivity,
+    point_velocity,
+    relinearisation,
+    smoothing,
 )
-from hc_estimator.multiple_model import delay_sensitivity, relinearisation, smoothing
-from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.fit_covariance import (
     invert,
@@ -35,21 +35,19 @@ from hc_estimator.multiple_model.fit_covariance import (
 )
 from hc_estimator.multiple_model.hypotheses import FITTED, LOG_STIFFNESS
 from hc_estimator.multiple_model.levenberg_marquardt import improve
-from hc_estimator.multiple_model.local_polynomial import CUBIC_SLOPE_NOISE, SEXTIC_SLOPE_NOISE
 from hc_estimator.multiple_model.model_error import SMALLEST_SHARE
 from hc_estimator.multiple_model.normal_equations import (
     add_prior,
     gather,
-    velocity_at,
     weigh,
 )
+from hc_estimator.multiple_model.point_velocity import noise_of, velocity_at
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import cut, guess_of, is_held, seed
 
 PASSES = 5  # of Levenberg-Marquardt with other weights, at most
 SETTLED = 1.1  # misfit that gave the weights over what is left, up to which they hold
 LARGEST_SHARE_OF_NOISE = 0.3  # in what the points say of B / K and p
-CUBIC_EVIDENCE = 4.0  # squared deviations at which half of that is used
 FEWEST = 20  # remembered points that make a fit
 SHARE = 1.0 / 16.0  # of the time in contact so far after which the fit is made anew
 RAREST = 0.5  # time in contact after which it is made anew in any case [s]
@@ -90,12 +88,13 @@ def update(settings: Any, bank: Any) -> bool:
             history.fit[i] = constant.state[LOG_STIFFNESS + i]
     depth_noise, force_noise = histories.noise_of_points(bank)[:2]
     independent = count * min(finder.grid_step * history.every / finder.grid_width, 1.0)
-    _take_velocity_noise(bank, independent)
+    point_velocity.take_noise(bank, independent)
     left = _fit(settings, history, depth_noise, force_noise, independent)
     if left < 0.0:
         row.active = 0
         _forget(history)
         histories.forget_older_half(history)
+        constant.contradiction = 0.0
         return True
     if row.active == 0:
         row.active = 1
@@ -106,8 +105,13 @@ def update(settings: Any, bank: Any) -> bool:
     history.fitted = 1
     history.left = left if left > SMALLEST_SHARE * bank.sensor_noise[1] else 0.0
     give(history, constant, row)
+    # A slow sensor's velocities miss more of a tremor than the row does.
+    asked = smoothing.is_fine(finder)
+    off = contradiction.of_damping(settings, history, constant) if asked else 0.0
+    constant.contradiction = off
     if relinearisation.is_misled(settings, history, constant):
         give(history, constant, constant)
+        constant.contradiction = 0.0
     return True
 
 
@@ -129,63 +133,6 @@ def give(history: Any, constant: Any, row: Any) -> None:
     for i in range(4):
         for j in range(4):
             row.covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + j] = history.covariance[i, j]
-
-
-@compiled
-def _share_cubic(history: Any, variance: float, independent: float) -> None:
-    """How much of what a cubic adds to the velocities is more than their noise.
-
-    A parabola's slope is a share of (omega half)^2 / 10 too small for a motion of the angular
-    frequency omega, always the same way, so that many points give a wrong damping for certain. A
-    cubic's is not, and its part is five times as noisy (Savitzky and Golay, Anal. Chem. 36, 1964):
-    it is used once it is known to be there, by its correlation with the slope or its mean square.
-
-    Args:
-        history: its share is set.
-        variance: of a parabola's slope [mm^2/s^2].
-        independent: number of points whose errors are independent of one another.
-    """
-    squares, along, speeds, first = 0.0, 0.0, 0.0, histories.oldest(history)
-    for k in range(first, history.count):
-        point = history.points[k % POINTS]
-        squares += point.cubic * point.cubic
-        along += point.velocity * point.cubic
-        speeds += point.velocity * point.velocity
-    count = history.count - first
-    noise = CUBIC_SLOPE_NOISE * variance
-    # Both are squares of what is normal, with a deviation of one, if there is only noise.
-    slope = along * along * independent / max(noise * speeds * count, 1e-300)
-    excess = max(squares / max(count * noise, 1e-300) - 1.0, 0.0) ** 2 * 0.5 * independent
-    evidence = (slope + excess) ** 2
-    history.cubic_share = evidence / (evidence + CUBIC_EVIDENCE**2)
-
-
-@compiled
-def _take_velocity_noise(bank: Any, independent: float) -> None:
-    """Noise of the points' velocities, of the narrow parabolas and of the wide cubics.
-
-    Args:
-        bank: velocity_std and velocity_noise of the history are set, and the share of the cubic.
-        independent: number of points whose errors are independent of one another.
-    """
-    history, finder, noise = bank.history, bank.delay, bank.sensor_noise[0]
-    spacing, width = finder.grid_step * history.every, finder.grid_width
-    variance = grids.velocity_variance(finder, noise)
-    _share_cubic(history, variance, independent)
-    noisier = 1.0 + CUBIC_SLOPE_NOISE * history.cubic_share**2
-    history.velocity_std[histories.OF_FIT] = math.sqrt(noisier * variance)
-    history.velocity_noise[histories.OF_FIT] = noisier * variance * width / spacing
-    history.velocity_std[histories.OF_SEXTIC] = math.sqrt(SEXTIC_SLOPE_NOISE * variance)
-    history.velocity_noise[histories.OF_SEXTIC] = SEXTIC_SLOPE_NOISE * variance * width / spacing
-    variance *= 1.0 + CUBIC_SLOPE_NOISE
-    history.velocity_std[histories.NARROW] = math.sqrt(variance)
-    history.velocity_noise[histories.NARROW] = variance * width / spacing
-    if finder.neighbours >= smoothing.FEWEST_NEIGHBOURS:
-        value = noise * smoothing.VALUE_VARIANCE / grids.readings_of(finder)
-        variance = smoothing.wide_variance(finder, value)
-    history.velocity_std[histories.WIDE] = math.sqrt(variance)
-    # Slopes that overlap are off by differences of the same readings, which cancel over many.
-    history.velocity_noise[histories.WIDE] = variance / history.every
 
 
 @compiled
@@ -343,11 +290,11 @@ def _is_gathered(history: Any) -> bool:
 @compiled
 def _is_at_rest(history: Any) -> bool:
     """True if too much of the velocities is noise for them to say anything, wherever B stands."""
-    total, first = 0.0, histories.oldest(history)
+    total, noise, first = 0.0, 0.0, histories.oldest(history)
     for k in range(first, history.count):
         total += velocity_at(history, history.points[k % POINTS]) ** 2
-    noise = (history.count - first) * history.velocity_std[histories.OF_FIT] ** 2
-    return noise > LARGEST_SHARE_OF_NOISE * total  # type: ignore[no-any-return]
+        noise += history.velocity_std[noise_of(history, history.points[k % POINTS])] ** 2
+    return noise > LARGEST_SHARE_OF_NOISE * total
 
 
 @compiled

@@ -12,7 +12,7 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import plausible
+from hc_estimator.multiple_model import contradiction, plausible
 from hc_estimator.multiple_model.hypotheses import (
     FITTED,
     FRESH,
@@ -241,10 +241,21 @@ def choose(settings: Any, judge: Any, rows: Any, tool: Any, clock: float) -> Non
         if _cost(row) <= limit and _is_eligible(judge, row, clock, steadiest, likeliest):
             judge.chosen = m
             break
+    _prefer_fitted(judge, rows, clock, steadiest, likeliest)
     _prefer_found(judge, rows, clock, best)
     _prefer_refined(judge, rows, clock, steadiest, before)
     _prefer_possible(settings, judge, rows, tool, clock)
     _prefer_far_better(judge, rows, clock)
+
+
+@compiled
+def _prefer_fitted(judge: Any, rows: Any, clock: float, steadiest: float, likeliest: float) -> None:
+    """Least squares, where they say another damping than the recursive row of constant tissue."""
+    fitted = rows[FITTED]
+    if judge.chosen != 0 or not contradiction.refutes(rows[0]) or fitted.model_error > 0.0:
+        return
+    if _is_eligible(judge, fitted, clock, steadiest, likeliest):
+        judge.chosen = FITTED
 
 
 @compiled

@@ -179,7 +179,9 @@ def _take_points(finder: Any, sensor_noise: Any) -> None:
     if finder.neighbours > 0:
         velocities[0] = smoothing.velocity_variance(finder, noise, few)
     if finder.neighbours >= smoothing.FEWEST_NEIGHBOURS:
-        velocities[1] = smoothing.wide_variance(finder, noise * smoothing.VALUE_VARIANCE / few)
+        velocities[1] = smoothing.slope_variance(
+            finder, noise * smoothing.VALUE_VARIANCE / few, smoothing.BY_CUBIC
+        )
     delay_points.take(finder)
 
 

@@ -88,6 +88,7 @@ DELAY = record_type(
         Field("fit", np.float64, (3,)),  # K, B, n that go with the delay
         # Within one window:
         Field("smooth", SMOOTHED, (GRID,)),  # its points, slots as in `grid`
+        Field("quintic", np.float64),  # velocity of one point by a quintic [mm/s]
         Field("wide", np.float64, (2,)),  # velocity and acceleration of one point by a wide cubic
         Field("in_contact", np.int64, (GRID,), 0, 1),
         Field("fitted_to", np.float64, (2, 6)),  # displacement and force; see `local_polynomial`

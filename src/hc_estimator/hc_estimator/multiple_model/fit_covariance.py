@@ -19,7 +19,8 @@ from hc_estimator.linear_algebra import cholesky, clear_matrix, copy_matrix
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.kalman import exp_limited, force_of
 from hc_estimator.multiple_model.levenberg_marquardt import solve
-from hc_estimator.multiple_model.normal_equations import law_at, velocity_at
+from hc_estimator.multiple_model.normal_equations import law_at
+from hc_estimator.multiple_model.point_velocity import velocity_at
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import is_held, prior_deviation
 

@@ -28,7 +28,9 @@ LEAST_DEPTH = 0.02  # [mm]
 SURELY = 3.0  # deviations of the velocity from which on the tool goes deeper
 # Of a point: what its velocity for `zero_fit` is from. Unknown where the tissue may let go.
 UNKNOWN, WIDE, NARROW, OF_SEXTIC = 0, 1, 2, 3
-OF_FIT = 0  # in the noise of velocities: that of a parabola and a share of a cubic (`batch_fit`)
+# In the noise of velocities: that of a parabola and a share of a cubic (`batch_fit`), and that of
+# a quintic.
+OF_FIT, OF_QUINTIC = 0, 4
 FEWEST_KNOWN = 60  # points whose velocity is known, for a fit with splines or zeros
 # Time constants of the memories of the force [s]. A tissue that relaxes in a sum of exponentials
 # pushes with a law of the depth less a sum of such means of its past force; half a decade apart
@@ -47,6 +49,7 @@ def reset(history: Any) -> None:
     history.waited = 0
     history.unfitted = 0
     history.fitted = 0
+    history.trembles = 0
     history.realigned = 0.0
     clear_vector(history.held)
 
@@ -78,6 +81,7 @@ def realign(history: Any, change: float) -> None:
         point = history.points[k % POINTS]
         point.depth -= change * (point.motion_velocity - 0.5 * change * point.motion_acceleration)
         point.velocity -= change * point.motion_acceleration
+        point.quintic -= change * point.motion_acceleration
         point.motion_velocity -= change * point.motion_acceleration
         point.time -= change
     history.realigned += change
@@ -122,6 +126,7 @@ def learn(history: Any, finder: Any, noise: Any) -> bool:
     point.velocity = place.velocity + rest * place.acceleration
     point.force = force
     point.cubic = place.cubic
+    point.by_quintic = 0
     # Parabolas of readings that are far apart are wide enough for a cubic of their own.
     point.motion_velocity = point.velocity + place.cubic
     point.motion_acceleration = place.acceleration
@@ -194,6 +199,8 @@ def _look_around(history: Any, finder: Any, shift: int, rest: float, noise: Any)
         point = history.points[k % POINTS]
         if abs(point.time - time) < 0.5 * finder.grid_step:
             variance = noise[0] * smoothing.VALUE_VARIANCE / grids.readings_of(finder)
+            point.by_quintic = 1 if smoothing.take_quintic(finder, there, variance) else 0
+            point.quintic = finder.quintic + rest * point.motion_acceleration
             deeper = point.velocity > SURELY * history.velocity_std[OF_FIT]
             if not (deeper or _is_in_contact_around(finder, there + shift, noise[1])):
                 return

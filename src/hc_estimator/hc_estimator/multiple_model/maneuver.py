@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from hc_estimator.adaptation import motion_density
+from hc_estimator.adaptation import density_correction, motion_density
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_matrix, copy_matrix, copy_vector
 from hc_estimator.multiple_model import change as changes
@@ -298,6 +298,7 @@ def _go_back(bank: Any, slot: int, time: float) -> None:
         clear_matrix(row.alarm_line)
     clock = maneuver.contact_clock[slot]
     judging.go_back(bank.judge, bank.rows, maneuver.chosen[slot], clock)
+    density_correction.forget_calm(motion)
     maneuver.density = 3.0 * square / TURN_TIME**3
     maneuver.since = 0.0
     maneuver.since_member = maneuver.member[slot]

@@ -20,6 +20,7 @@ from hc_estimator.contact.registry import (
 from hc_estimator.linear_algebra import clear_matrix, clear_vector
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.kalman import exp_limited
+from hc_estimator.multiple_model.point_velocity import noise_of, velocity_at
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import guess_of, is_held, prior_deviation
 
@@ -106,12 +107,6 @@ def law_beside(
 
 
 @compiled
-def velocity_at(history: Any, point: Any) -> float:
-    """Velocity at a point [mm/s]."""
-    return point.velocity + history.cubic_share * point.cubic  # type: ignore[no-any-return]
-
-
-@compiled
 def weigh(settings: Any, history: Any, depth_noise: float, force_noise: float) -> float:
     """Give each point its weight by the law at history.fit: the motion is not exact either.
 
@@ -126,10 +121,10 @@ def weigh(settings: Any, history: Any, depth_noise: float, force_noise: float) -
     """
     fit, gradient = history.fit, history.gradient
     stiffness, damping = exp_limited(fit[0]), exp_limited(fit[1])
-    noise = history.velocity_noise[histories.OF_FIT]
     total = 0.0
     for k in range(histories.oldest(history), history.count):
         point = history.points[k % POINTS]
+        noise = history.velocity_noise[noise_of(history, point)]
         velocity = velocity_at(history, point)
         law_at(settings, stiffness, damping, fit[2], fit[3], point.depth, velocity, gradient)
         variance = force_noise + gradient[0] * gradient[0] * depth_noise
@@ -161,7 +156,6 @@ def gather(settings: Any, history: Any, values: Any) -> float:
     seen, pull, false = history.seen, history.pull, history.false
     gradient, above, below = history.gradient, history.above, history.below
     stiffness, damping = exp_limited(values[0]), exp_limited(values[1])
-    spread = history.velocity_std[histories.OF_FIT]
     clear_vector(pull)
     clear_matrix(seen)
     clear_matrix(false)
@@ -169,6 +163,7 @@ def gather(settings: Any, history: Any, values: Any) -> float:
     for k in range(histories.oldest(history), history.count):
         point = history.points[k % POINTS]
         depth, velocity, weight = point.depth, velocity_at(history, point), point.weight
+        spread = history.velocity_std[noise_of(history, point)]
         force, change = law_beside(
             settings, stiffness, damping, values, depth, velocity, spread, history
         )

@@ -20,7 +20,6 @@ from hc_estimator.linear_algebra import (
     leading_cholesky,
 )
 from hc_estimator.multiple_model import point_error
-from hc_estimator.multiple_model.history import OF_FIT
 from hc_estimator.multiple_model.kalman import exp_limited
 from hc_estimator.multiple_model.levenberg_marquardt import (
     FIRST_DAMPING,
@@ -31,7 +30,8 @@ from hc_estimator.multiple_model.levenberg_marquardt import (
     step,
 )
 from hc_estimator.multiple_model.local_polynomial import value_noise
-from hc_estimator.multiple_model.normal_equations import law_at, velocity_at
+from hc_estimator.multiple_model.normal_equations import law_at
+from hc_estimator.multiple_model.point_velocity import noise_of, velocity_at
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import is_held
 from hc_estimator.multiple_model.spline_motion import place_of
@@ -115,13 +115,13 @@ def weigh(
         drag = gradient[1] * gradient[1]
         own = value_noise(point.degree) * noise[1]
         own += value_noise(motion.degree) * gradient[0] * gradient[0] * noise[0]
-        own = noise[2] * own + drag * history.velocity_std[OF_FIT] ** 2
-        variance += drag * history.velocity_noise[OF_FIT]
+        own = noise[2] * own + drag * history.velocity_std[noise_of(history, motion)] ** 2
+        variance += drag * history.velocity_noise[noise_of(history, motion)]
         gone = motion.time - place.begin
         law = (_factor_at(values, 0, gone), _factor_at(values, 1, gone), values[2], values[3])
         velocity = velocity_at(history, motion) - values[DELAY] * motion.motion_acceleration
         depth = motion.depth - values[POSITION] - values[DELAY] * velocity
-        deviation = history.velocity_std[OF_FIT]
+        deviation = history.velocity_std[noise_of(history, motion)]
         missed = point_error.of_rest(settings, law, depth, velocity, deviation, gradient)
         weight = 1.0 / (variance + missed)
         point.weight = weight

@@ -53,6 +53,8 @@ ROW = record_type(
         Field("counts_from", np.float64, ()),  # contact clock from which on it may be chosen [s]
         Field("inconsistent_time", np.float64, ()),  # [s]
         Field("alarmed", np.int64, (), 0, 1),  # since the test of a change began
+        # Squared deviations from what least squares say of damping; see `contradiction`.
+        Field("contradiction", np.float64, (), 0.0),
         Field("change_lead", np.float64, ()),  # log likelihood ratio of the fresh row to this one
         # Of the present sample:
         Field("predicted_force", np.float64, ()),  # of the law at the predicted state [N]
@@ -171,6 +173,9 @@ POINT = record_type(
     (
         Field("depth", np.float64),  # [mm]
         Field("velocity", np.float64),  # by a parabola [mm/s]
+        # By a quintic through its neighbours [mm/s]; 1 where the motion is one.
+        Field("quintic", np.float64),
+        Field("by_quintic", np.int64, (), 0, 1),
         Field("force", np.float64),  # [N]
         Field("weight", np.float64),  # in the fit [1/N^2]
         Field("cubic", np.float64),  # what a cubic adds to the velocity [mm/s]
@@ -206,9 +211,10 @@ HISTORY = record_type(
         # Within one fit:
         # Of velocities by what they are from (`history.OF_FIT` and after): deviation [mm/s], and
         # variance by the share of the point in the information [mm^2/s^2].
-        Field("velocity_std", np.float64, (4,), 0.0),
-        Field("velocity_noise", np.float64, (4,), 0.0),
+        Field("velocity_std", np.float64, (5,), 0.0),
+        Field("velocity_noise", np.float64, (5,), 0.0),
         Field("half_width", np.float64, (), 0.0),  # of the parabolas [s]
+        Field("trembles", np.int64, (), 0, 1),  # 1: velocities are the quintics'
         Field("cubic_share", np.float64, (), 0.0, 1.0),  # of what a cubic adds to the velocity
         Field("next", np.float64, (4,)),
         Field("slope", np.float64, (4,)),

@@ -162,6 +162,7 @@ def reset(settings: Any, row: Any, displacement: float) -> None:
     row.predicted_force = 0.0
     row.since = -1.0
     row.counts_from = 0.0
+    row.contradiction = 0.0
     clear_adaptation(row)
 
 
@@ -188,6 +189,7 @@ def seed(source: Any, row: Any, since: float, counts_from: float) -> None:
     row.model_error = model_error
     row.since = since
     row.counts_from = counts_from
+    row.contradiction = 0.0
 
 
 @compiled

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from hc_estimator.adaptation import motion_density
+from hc_estimator.adaptation import density_correction, motion_density, noise_color
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import (
@@ -393,4 +393,8 @@ def _correct_density(settings: Any, bank: Any, chosen: Any) -> None:
         for i in range(2):  # a noise about to be called lower would pass for a calmer tool
             if 2.0 * bank.noise[i].short_mean < bank.noise[i].mean:
                 return
-    motion_density.correct(bank.motion, chosen.untempered_nis)
+    innovation = chosen.innovation[1] / math.sqrt(chosen.innovation_variance[1])
+    if noise_color.factor(bank.color[1], bank.noise[1]) > 1.0:
+        innovation = 0.0  # the noise's own go together
+    elapsed = bank.clock.force_elapsed
+    density_correction.correct(bank.motion, chosen.untempered_nis, innovation, elapsed)

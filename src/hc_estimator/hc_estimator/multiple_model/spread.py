@@ -14,6 +14,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_matrix
+from hc_estimator.multiple_model import contradiction
 from hc_estimator.multiple_model.choice import REFUTED, explains, steadiest_nis
 from hc_estimator.multiple_model.hypotheses import FITTED, FRESH, LOG_STIFFNESS
 from hc_estimator.multiple_model.kalman import RATE_MEMORY
@@ -63,6 +64,8 @@ def find(settings: Any, judge: Any, rows: Any, clock: float) -> None:
         for i in range(4):
             for j in range(4):
                 spread[i, j] /= total
+    if chosen == 0 and rows[FITTED].active != 0:
+        _add_distance(spread, row, rows[FITTED], contradiction.share_left_open(row))
     # Between two inclusions constant tissue explains the force again, and a row of constant
     # tissue is very sure of itself; that the tissue varies is not forgotten with it.
     if is_calm and varied_lately(judge, clock):
