@@ -52,10 +52,15 @@ def test_exact_readings_that_rest_now_and_then_are_no_steps(channel):
     assert taken(channel, np.tile(ramp, 20)) == 0.0
 
 
-def test_nothing_is_known_of_a_sensor_that_hardly_ever_steps(channel):
+def test_nothing_is_known_of_a_sensor_that_never_stepped(channel):
     assert taken(channel, np.zeros(1000)) == 0.0
-    assert taken(channel, np.repeat(np.arange(5.0), 100)) == 0.0
     assert taken(channel, [1.0]) == 0.0
+
+
+def test_the_first_step_after_a_rest_is_known_at_once(channel):
+    assert taken(channel, [*np.zeros(100), 0.05]) == pytest.approx(0.05**2 / 12.0)
+    # Exact readings are told from that by the next ones.
+    assert taken(channel, [*np.zeros(100), *(0.05 * np.arange(1.0, 8.0))]) == 0.0
 
 
 def test_a_gap_is_no_step(channel):
@@ -81,6 +86,25 @@ def contact(seed, rate, position_step, force_step, noise):
     if force_step > 0.0:
         force = in_steps(force, force_step)
     return time, in_steps(depth, position_step), force
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_tool_that_rests_at_first_is_followed_from_its_first_step_on(seed):
+    """Every step was refused for seconds, and a surface 11 mm off was found meanwhile."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(12000) / 1000.0
+    moves = np.maximum(time - 0.3, 0.0)
+    depth = -2.0 + 1.75 * (1.0 - np.cos(2.0 * math.pi * 0.6 * moves))
+    velocity = 1.75 * 2.0 * math.pi * 0.6 * np.sin(2.0 * math.pi * 0.6 * moves)
+    stiffness, damping, n, p = TISSUE
+    law = stiffness + damping * np.sign(velocity) * np.abs(velocity) ** p
+    force = np.maximum(law * np.maximum(depth, 0.0) ** n, 0.0) + 0.2
+    force += 0.01 * rng.standard_normal(time.size)
+    series = hc.create_estimator("self_tuning_ukf").run(time, in_steps(depth, 0.05), force)
+    assert np.mean(series.rejected[time > 0.3] > 0) < 0.01
+    late = series.contact & (time > 6.0)
+    assert np.median(np.abs(series.parameters[late, 0] / stiffness - 1.0)) < 0.01
+    assert np.mean(series.model_mismatch[late]) < 0.05
 
 
 @pytest.mark.parametrize(

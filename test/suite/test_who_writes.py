@@ -26,6 +26,7 @@ RECORDS = {  # what a variable of that name is, in every kernel
     "channel": "noise",
     "color": "color",
     "resolution": "resolution",
+    "steps": "resolution",
     "force_color": "color",
     "motion": "motion",
     "tool": "tool",

@@ -20,8 +20,7 @@ from hc_estimator.compilation import compiled
 from hc_estimator.memory import Field, record_type
 
 UNIFORM = 1.0 / 12.0  # variance of an error that is uniform over one step
-FEWEST = 8  # readings that differ from the last one that say something
-MEMORY = 64  # of them
+MEMORY = 64  # readings that differ from the last one
 # Share of them that come after one that was equal to the last. Of exact readings of a ramp that
 # rests now and then hardly any does.
 REPEATED = 0.25
@@ -74,6 +73,6 @@ def learn(resolution: Any, reading: float, broken: bool) -> None:
 @compiled
 def variance(resolution: Any) -> float:
     """Variance of what rounding leaves open [mm^2] or [N^2]; 0 where there are no steps."""
-    if resolution.count < FEWEST or resolution.repeated < REPEATED:
+    if resolution.repeated < REPEATED:
         return 0.0
     return UNIFORM * resolution.step * resolution.step  # type: ignore[no-any-return]

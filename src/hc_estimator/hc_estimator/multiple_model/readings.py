@@ -58,6 +58,22 @@ def _force_floor(settings: Any, bank: Any) -> float:
 
 
 @compiled
+def note_steps(settings: Any, bank: Any) -> None:
+    """What the steps of a sensor leave open is noise, before any reading is judged by it.
+
+    A tool that rests at first has no noise at all in an encoder, and every step of it was refused.
+    """
+    clock = bank.clock
+    if settings.noise_adaptation != DIFFERENCES:
+        return
+    for i in range(2):
+        if clock.present[i] != 0:
+            steps = bank.resolution[i]
+            resolution.learn(steps, clock.measurement[i], clock.restart != 0)
+            bank.sensor_noise[i] = max(bank.sensor_noise[i], resolution.variance(steps))
+
+
+@compiled
 def learn(settings: Any, bank: Any, time: float) -> None:
     """Take the accepted readings into everything that does not depend on the contact law."""
     clock = bank.clock
@@ -71,7 +87,6 @@ def learn(settings: Any, bank: Any, time: float) -> None:
                     floor = _force_floor(settings, bank)
                 reading = clock.measurement[i]
                 difference_noise.learn(settings, bank.noise[i], time, reading, broken, floor)
-                resolution.learn(bank.resolution[i], reading, broken)
                 # A place has no corner where the tool touches.
                 inside = pushes or i == 0
                 if noise_color.learn(bank.color[i], bank.noise[i], reading, inside) and i == 1:

@@ -95,6 +95,7 @@ def use(settings: Any, bank: Any, time: float, place: float, extrapolated: float
         ACCEPTED or the reason for the refusal.
     """
     clock = bank.clock
+    readings.note_steps(settings, bank)
     found = bank.change.detected  # by a reading that was used with this sample, before
     bank.change.detected = 0
     bank.given.extrapolated = extrapolated
