@@ -21,6 +21,7 @@ SOURCES = (
     "hc_estimator/hc_estimator/stream/exchanged.py",
     "hc_estimator/hc_estimator/stream/channel_checks.py",
     "hc_estimator/hc_estimator/stream/friction_checks.py",
+    "hc_estimator/hc_estimator/stream/smoothing_checks.py",
     "hc_estimator/hc_estimator/stream/tool_motion_checks.py",
     "hc_estimator/hc_estimator/stream/both_channels.py",
     "hc_estimator/hc_estimator/stream/range_checks.py",
@@ -35,6 +36,7 @@ SOURCES = (
     "hc_bringup/hc_bringup/held_tool.py",
     "hc_bringup/hc_bringup/play.py",
     "hc_bringup/hc_bringup/sticking.py",
+    "hc_bringup/hc_bringup/sensor_effect.py",
     "hc_bringup/hc_bringup/wandering_zero.py",
     "hc_bringup/hc_bringup/force_error.py",
     "hc_logger/hc_logger/sensors.py",
@@ -107,6 +109,10 @@ NO_WARNINGS = (
     "listening to \0: ",
     "recording is played",  # what follows a warning that the page explains
     "recording that is played at another rate",
+    "a moving mean over \0 s",  # parts of a sentence
+    "with a corner at",
+    "; with it in the law K = ",
+    "(hc doctor says the others)",
 )
 
 

@@ -25,6 +25,7 @@ RECORDS = {  # what a variable of that name is, in every kernel
     "noise": "noise",
     "channel": "noise",
     "color": "color",
+    "resolution": "resolution",
     "force_color": "color",
     "motion": "motion",
     "tool": "tool",
@@ -61,6 +62,7 @@ OWNERS = {
     "clock": ("screening", "multiple_model/alignment", "multiple_model/sample"),
     "noise": ("adaptation/difference_noise",),
     "color": ("adaptation/noise_color",),
+    "resolution": ("adaptation/resolution",),
     "motion": ("adaptation/motion_density", "adaptation/density_correction"),
     "tool": (
         "multiple_model/levels",

@@ -6,10 +6,18 @@ import dataclasses
 
 import numpy as np
 
-from hc_bringup.finding import DISTURBED_SHARE, Finding, cost_of, fits_worse
+from hc_bringup.finding import (
+    DISTURBED_SHARE,
+    UNKNOWN,
+    Finding,
+    cost_of,
+    cures,
+    fits_worse,
+)
 from hc_bringup.other_damping import damping_at_every_depth
 from hc_bringup.place_delay import MOST_NOISES, Delay, delay_between_places
 from hc_bringup.play import find_play
+from hc_bringup.sensor_effect import named_effect
 from hc_bringup.terminal.numbers import rounded
 from hc_bringup.treated_samples import Estimated, Samples
 from hc_bringup.two_clocks import delay_that_grows
@@ -49,6 +57,10 @@ def between_channels(
         if instead.far_better:
             return [Finding(instead.words)]
         findings += [Finding(instead.words)] if instead.words else []
+        if not instead.words and (
+            effect := named_effect(samples, before, (time_s, displacement_mm, force_n))
+        ):
+            return [effect]
     if play_mm := find_play((time_s, displacement_mm, force_n), found):
         return [_with_play(samples, before, play_mm)]
     left_s = found.delay_s - samples.known_delay_s
@@ -58,6 +70,8 @@ def between_channels(
             return [Finding(drifts)]
         delayed, before = _delayed(samples, before, left_s, found.delay_std_s, fits_no_worse)
         findings += delayed
+        if any(not finding.settings for finding in delayed):
+            return findings  # whatever is wrong bends the zeros as well
     for name, key, value, deviation, unit in (
         ("zero", "force.zero", found.zero_n, found.zero_std_n, "N"),
         ("contact", "position.zero", found.contact_mm, found.contact_std_mm, "mm"),
@@ -73,7 +87,7 @@ def between_channels(
             moved.displacement_mm = samples.displacement_mm - value
             moved.surface_std_mm = deviation
         after = moved.estimate()
-        if fits_worse(before, after):
+        if fits_worse(before, after) or not _helps(before, after):
             continue  # one law was bent over tissue that varies: no zero is off
         samples.take_over(moved)
         findings.append(Finding(what, {key: rounded(value, 4)}, cost_of(before, after, True)))
@@ -112,9 +126,22 @@ def _delayed(
     after = aligned.estimate()
     if fits_no_worse and fits_worse(before, after):
         return [], before
+    late_by = Delay(left_s, deviation_s, 1).late
+    if fits_no_worse and before and after and not _helps(before, after):
+        what = (
+            f"{late_by}, or so it seems: with that put right the law does not fit in "
+            f"{100 * after.mismatch:.0f} % of the contact, and in {100 * before.mismatch:.0f} % as "
+            "it is, so something else is wrong, and no setting is proposed"
+        )
+        return [Finding(what, {}, UNKNOWN)], before
     samples.take_over(aligned)
     cost = cost_of(before, after, True)
-    return [Finding(Delay(left_s, deviation_s, 1).late, settings, cost)], after
+    return [Finding(late_by, settings, cost)], after
+
+
+def _helps(before: Estimated | None, after: Estimated | None) -> bool:
+    """Whether a change cures what did not fit, if anything did not."""
+    return before is None or before.mismatch <= DISTURBED_SHARE or cures(before, after)
 
 
 def _by_the_filter(samples: Samples, before: Estimated | None) -> list[Finding]:

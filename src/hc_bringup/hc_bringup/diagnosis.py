@@ -14,10 +14,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from hc_bringup.channel_findings import at_all_places, between_channels
-from hc_bringup.finding import DISTURBED_SHARE, SYMBOLS, Finding, cost_of, fits_worse
+from hc_bringup.finding import (
+    DISTURBED_SHARE,
+    SYMBOLS,
+    UNKNOWN,
+    Finding,
+    cost_of,
+    fits_worse,
+)
 from hc_bringup.force_error import dishonest_line
 from hc_bringup.held_tool import relaxing_line
 from hc_bringup.robot_mechanics import MOVES_WITH
+from hc_bringup.sensor_effect import means_taken_off
 from hc_bringup.sticking import sticking_line
 from hc_bringup.treated_samples import FORCE_LIMIT, Estimated, FloatArray, Samples
 from hc_bringup.wandering_zero import wandering_zero
@@ -41,10 +49,10 @@ SPOILT = (
     Check.STUCK,
     Check.PAUSE,
     Check.QUANTISATION,
+    Check.SMOOTHED,
     Check.RATE,
 )
 """What the law would be bent to fit, so that it invents delays and zeros, if no number mends it."""
-_UNKNOWN = "cannot be said, and neither can delay and zeros, until it is put right"
 UNSURE_SHARE = 0.05
 """Of K: what the place of the surface may leave open without a word."""
 _MOST_CHANGES = 5
@@ -161,13 +169,20 @@ def _judged(
         # Every other word would be of the other channel, or of nothing.
         if doubt.check is Check.EXCHANGED or nothing_moves:
             return Diagnosis((*findings, Finding(doubt.sentence)), None, (), 0.0), None
+        if doubt.check is Check.SMOOTHED:  # both channels at once, if both are
+            means = [s for s in doubts if s.check is Check.SMOOTHED]
+            treated |= {(s.check, s.channel, s.since_s, s.until_s) for s in means}
+            said, before, cured = means_taken_off(samples, before, means)
+            findings += said
+            spoilt = spoilt or not cured
+            continue
         treated.add((doubt.check, doubt.channel, doubt.since_s, doubt.until_s))
         settings = samples.put_right(doubt)
         mended = bool(settings) or doubt.check is Check.ZERO_STEP
         after = samples.estimate() if mended else before
-        spoilt = spoilt or (doubt.check in SPOILT and not settings)
+        spoilt = spoilt or (doubt.check in SPOILT and not mended)
         cost = cost_of(before, after, mended)
-        findings.append(Finding(doubt.sentence, settings, cost or (_UNKNOWN if spoilt else "")))
+        findings.append(Finding(doubt.sentence, settings, cost or (UNKNOWN if spoilt else "")))
         before = after
     if not spoilt:
         wandering, before = _wandering(samples, before)

@@ -10,6 +10,10 @@ from hc_bringup.treated_samples import Estimated
 SYMBOLS = "KBnp"
 DISTURBED_SHARE = 0.05
 """Of the contact: with more of it beyond the law something is wrong."""
+BETTER = 0.5
+"""Of the share that did not fit before: a cure leaves less, if it does not leave next to none."""
+UNKNOWN = "cannot be said, and neither can delay and zeros, until it is put right"
+"""What a fault costs that no number puts right."""
 
 
 @dataclass(frozen=True)
@@ -50,3 +54,10 @@ def fits_worse(before: Estimated | None, after: Estimated | None) -> bool:
     if before is None:
         return False
     return after is None or after.mismatch > before.mismatch + DISTURBED_SHARE
+
+
+def cures(before: Estimated | None, after: Estimated | None) -> bool:
+    """Whether the law fits with something taken off: next to everywhere, or far better."""
+    if after is None:
+        return False
+    return before is None or after.mismatch <= max(DISTURBED_SHARE, BETTER * before.mismatch)

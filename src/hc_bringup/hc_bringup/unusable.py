@@ -16,7 +16,8 @@ from hc_bringup.summary import why_unusable
 def say_unusable(name: str, recording: Any) -> str:
     """Say on standard error what makes the parameters useless; the reason in a few words.
 
-    What moving the tool takes is said as well, for it is in every contact. What else is only
+    What moving the tool takes, or a filter of a sensor, is said as well, for it is in every
+    contact. What else is only
     doubted is not: zeros may be found place by place, and the law is judged by what is made of the
     recording.
 
@@ -28,11 +29,11 @@ def say_unusable(name: str, recording: Any) -> str:
         The reason as `why_unusable` has it; nothing where there is none.
     """
     from hc_estimator.stream.readings import MEANINGS
-    from hc_estimator.stream.sanity import HELD_BACK
+    from hc_estimator.stream.sanity import LOOKS_LATE
 
     doubts = doubts_of(recording)
     serious = [doubt for doubt in doubts if why_unusable([doubt.check.value], math.nan)]
-    said = [*serious, *(doubt for doubt in doubts if doubt.check in HELD_BACK)]
+    said = [*serious, *(doubt for doubt in doubts if doubt.check in LOOKS_LATE)]
     for doubt in said:
         print(f"{name}: {doubt.sentence}", file=sys.stderr)
     if said:

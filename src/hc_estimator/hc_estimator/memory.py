@@ -12,6 +12,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -90,6 +91,24 @@ SCRATCH_FIELDS: tuple[Field, ...] = (
 _FIELDS_OF: dict[np.dtype[np.void], tuple[Field, ...]] = {}  # of the types made here
 
 
+class _Record(np.record):  # type: ignore[misc]  # final in the stubs alone
+    """A record whose fields are attributes, whatever they are called (`mean`), as in a kernel."""
+
+    __slots__ = ()
+
+    def __getattribute__(self, name: str) -> Any:
+        fields = np.void.__getattribute__(self, "dtype").fields
+        if fields is not None and name in fields:
+            return np.void.__getitem__(self, name)
+        return super().__getattribute__(name)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        fields = np.void.__getattribute__(self, "dtype").fields
+        if fields is None or name not in fields:
+            raise AttributeError(name)
+        np.void.__setitem__(self, name, value)
+
+
 @functools.cache
 def record_type(fields: tuple[Field, ...]) -> np.dtype[np.void]:
     """Structured type of the given fields: one and the same object for the same fields.
@@ -99,6 +118,8 @@ def record_type(fields: tuple[Field, ...]) -> np.dtype[np.void]:
     """
     description: Any = [(field.name, field.kind, field.shape) for field in fields]
     result: np.dtype[np.void] = np.dtype(description, align=True)
+    if numba.config.DISABLE_JIT:  # plain functions ask for fields as attributes
+        result = np.dtype((_Record, result))
     _FIELDS_OF[result] = fields
     return result
 

@@ -82,6 +82,8 @@ class KernelCompiler:
         return self._compiled(function, nogil=True)
 
     def _compiled(self, function: F, *, nogil: bool) -> F:
+        if numba.config.DISABLE_JIT:  # a debugger steps through plain functions
+            return _plain(function)
         own, stamp = None, self.stamp_of(function)
         try:
             dispatcher: Any = numba.njit(cache=True, error_model="numpy", nogil=nogil)(function)
@@ -97,6 +99,12 @@ class KernelCompiler:
             if own is None or shipped.cache_path != own.cache_path:
                 dispatcher._cache = shipped
         return dispatcher  # type: ignore[no-any-return]
+
+
+def _plain(function: F) -> F:
+    """Return a function as it is, with what a dispatcher has (NUMBA_DISABLE_JIT=1)."""
+    function.py_func = function  # type: ignore[attr-defined]
+    return function
 
 
 @functools.cache
@@ -127,6 +135,8 @@ def _hash(paths: Iterable[Path]) -> str:
 
 def inlined(function: F, *, nogil: bool = False) -> F:
     """Compile a small helper that only other kernels call: no cache file of its own."""
+    if numba.config.DISABLE_JIT:
+        return _plain(function)
     return numba.njit(error_model="numpy", nogil=nogil)(function)  # type: ignore[no-any-return]
 
 
@@ -135,6 +145,8 @@ def inlined_always(function: F) -> F:
 
     LLVM makes no vector loop of one with a call in it, and left to itself it inlines what it likes.
     """
+    if numba.config.DISABLE_JIT:
+        return _plain(function)
     return numba.njit(error_model="numpy", forceinline=True)(function)  # type: ignore[no-any-return]
 
 

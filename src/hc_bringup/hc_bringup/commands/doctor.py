@@ -261,6 +261,7 @@ def apply(present: dict[str, Any], correction: dict[str, Any]) -> dict[str, Any]
 
 def _print(where: str, findings: list[Any], diagnosis: Any, settings: Any, type_it: Any) -> None:
     from hc_bringup.diagnosis import estimate_lines
+    from hc_bringup.finding import UNKNOWN
     from hc_estimator.stream.readings import MEANINGS
 
     number = "nothing is wrong" if not findings else f"{len(findings)} finding(s)"
@@ -274,7 +275,9 @@ def _print(where: str, findings: list[Any], diagnosis: Any, settings: Any, type_
     if findings:
         print(f"what each means: {MEANINGS}")
     if diagnosis is not None and diagnosis.estimated is not None:
-        print("with what could be put right put right:" if findings else "estimated:")
+        uncured = any(finding.cost == UNKNOWN for finding in findings)
+        heading = "with what could be put right put right" if findings else "estimated"
+        print(f"{heading}{', not to be believed for what could not' * uncured}:")
         say("\n".join(estimate_lines(diagnosis)))
 
 

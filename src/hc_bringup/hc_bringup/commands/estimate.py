@@ -51,7 +51,8 @@ def run(arguments: argparse.Namespace) -> int:
     import sys
 
     from hc_bringup.force_error import dishonest_line
-    from hc_bringup.reading_changes import change_lines
+    from hc_bringup.reading_changes import change_lines, read_alike
+    from hc_bringup.sensor_effect import doubted_effect
     from hc_bringup.summary import MISFIT_SHARE, to_json, why_unusable
     from hc_bringup.taken_off_live import not_taken_off
     from hc_bringup.unusable import doubts_of
@@ -83,8 +84,8 @@ def run(arguments: argparse.Namespace) -> int:
     if recording.findings.notes and not recording.is_bag:
         read = (recording.displacement_mm, recording.force_n)
         lines.append(recording_input.assumed_line(*read, table=True))
-    if suspicions:
-        lines.append(f"what each means and what to do: {MEANINGS}")
+    meaning = f"what each means and what to do: {MEANINGS}"
+    lines += [meaning] * bool(suspicions)
     for line in filter(None, lines):
         print(f"{name}: {line}", file=sys.stderr)
     estimator.warm_up()
@@ -96,6 +97,16 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.output is not None:
         write_estimates(Path(arguments.output), recording, series)
     summary = summarise(estimator, recording, series, seconds)
+    effect = doubted_effect(
+        read_alike(recording),
+        suspicions,
+        *(summary[key] for key in ("model_mismatch_share", "channel_delay", "channel_delay_std")),
+    )
+    if effect is not None:
+        suspicions.append(effect)
+        print(f"{name}: {effect.sentence}", file=sys.stderr)
+        if len(suspicions) == 1:
+            print(f"{name}: {meaning}", file=sys.stderr)
     reason = why_no_result(summary, doubted=bool(suspicions))
     if reason:
         raise UserError(f"{name}: {reason}")

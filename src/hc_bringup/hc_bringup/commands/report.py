@@ -49,6 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
     if data is None:
         data = estimated(recording, estimate.make_estimator(arguments, recording))
     doubts = doubts_of(recording, float(data.settings.get("force_limit", math.inf)))
+    doubts += _effect(recording, data, doubts)
     for doubt in doubts:
         print(f"{name_of(arguments)}: {doubt.sentence}", file=sys.stderr)
     content = _content(data, doubts, target.suffix.lower(), command_line(arguments))
@@ -59,6 +60,25 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(f"cannot write {target}: {error.strerror or error}") from error
     print(f"written: {target}")
     return 0
+
+
+def _effect(recording: Any, data: Any, doubts: list[Any]) -> list[Any]:
+    """Return what a sensor made of a channel, if the estimates of a recording are bent by it."""
+    import numpy as np
+
+    from hc_bringup.reading_changes import read_alike
+    from hc_bringup.sensor_effect import doubted_effect
+
+    touching = data.contact & data.used
+    if not touching.any():
+        return []
+    effect = doubted_effect(
+        read_alike(recording),
+        doubts,
+        float(np.mean(data.model_mismatch[touching])),
+        *(float(data.estimates[name][-1]) for name in ("channel_delay", "channel_delay_std")),
+    )
+    return [] if effect is None else [effect]
 
 
 def _content(data: Any, doubts: list[Any], suffix: str, command: list[str]) -> bytes:

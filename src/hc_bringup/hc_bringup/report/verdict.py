@@ -22,7 +22,7 @@ from hc_bringup.zero_effect import effect_in
 from hc_bringup.zero_words import Zeros
 from hc_estimator.stream.both_channels import check_both
 from hc_estimator.stream.readings import Check, Suspicion
-from hc_estimator.stream.sanity import HELD_BACK
+from hc_estimator.stream.sanity import LOOKS_LATE
 from hc_evaluation.metrics import chi_square_band
 from hc_logger.info import LONGEST_COUNTED_GAP, counts
 
@@ -108,7 +108,7 @@ def verdict(
         *doubt,
         *doubts,
         *_fit(data, contacts, given, doubted=bool(doubts) or _is_dishonest(data)),
-        *([] if _held_back(given) else _channels(data, channels)),
+        *([] if _more_than_late(given) else _channels(data, channels)),
         *_unseen(data, channels),
         *_zeros(data),
         *_changes(data),
@@ -207,9 +207,9 @@ def _doubted(doubt: Suspicion) -> Sentence:
     return Sentence(level, f"{_capitalised(doubt.sentence)}.")
 
 
-def _held_back(given: Sequence[Suspicion]) -> bool:
-    """Whether a part of the force is of what moving the tool takes, which looks like a delay."""
-    return any(doubt.check in HELD_BACK for doubt in given)
+def _more_than_late(given: Sequence[Suspicion]) -> bool:
+    """Whether something is known that looks like a delay and is more than that."""
+    return any(doubt.check in LOOKS_LATE for doubt in given)
 
 
 def _fit(
@@ -225,7 +225,7 @@ def _fit(
             return [Sentence(Level.NOTE, "The filter noticed no misfit of the contact law.")]
         return [Sentence(Level.GOOD, "The contact law describes what the sensors say.")]
     text = f"The contact law does not fit in {100 * share:.0f} % of the contact"
-    reason = "" if _held_back(given) else _places(contacts) or _reason(data)
+    reason = "" if _more_than_late(given) else _places(contacts) or _reason(data)
     return [Sentence(Level.BAD, f"{text}: {reason}." if reason else f"{text}.")]
 
 

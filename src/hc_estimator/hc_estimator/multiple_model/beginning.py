@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from hc_estimator.adaptation import difference_noise, motion_density, noise_color
+from hc_estimator.adaptation import difference_noise, motion_density, noise_color, resolution
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import copy_vector
@@ -75,6 +75,7 @@ def start(settings: Any, bank: Any) -> None:
     for i in range(2):
         difference_noise.restart(bank.noise[i])
         noise_color.restart(bank.color[i])
+        resolution.restart(bank.resolution[i])
     noise_color.limit_to_short_times(bank.color[0])
     motion_density.reset(bank.motion)
     tempering.reset(bank.tool)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from hc_estimator.adaptation import difference_noise, motion_density, noise_color
+from hc_estimator.adaptation import difference_noise, motion_density, noise_color, resolution
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import raw_readings, tempering
@@ -71,6 +71,7 @@ def learn(settings: Any, bank: Any, time: float) -> None:
                     floor = _force_floor(settings, bank)
                 reading = clock.measurement[i]
                 difference_noise.learn(settings, bank.noise[i], time, reading, broken, floor)
+                resolution.learn(bank.resolution[i], reading, broken)
                 # A place has no corner where the tool touches.
                 inside = pushes or i == 0
                 if noise_color.learn(bank.color[i], bank.noise[i], reading, inside) and i == 1:
@@ -131,6 +132,7 @@ def follow_noise(bank: Any) -> None:
             continue
         variance = difference_noise.cautious(noise[i])
         variance *= noise_color.factor(bank.color[i], noise[i])
+        variance = max(variance, resolution.variance(bank.resolution[i]))
         latest = difference_noise.latest(noise[i])
         if noise[i].count > first and latest > SUDDEN * variance:
             variance = latest

@@ -11,6 +11,7 @@ import numpy as np
 from hc_estimator.adaptation.difference_noise import NOISE
 from hc_estimator.adaptation.motion_density import INDICES, MOTION
 from hc_estimator.adaptation.noise_color import COLOR
+from hc_estimator.adaptation.resolution import RESOLUTION
 from hc_estimator.memory import Field, record_type
 from hc_estimator.multiple_model.alarm_records import CHANGE, GATE
 from hc_estimator.multiple_model.delay_records import DELAY, TERMS
@@ -354,6 +355,7 @@ BANK: tuple[Field, ...] = (
     Field("contact_readings", np.int64, (), 0, 3),  # readings in a row with a force, up to three
     Field("motion_anew", np.int64, (), 0, 1),  # 1 if the motion starts anew at the next sample
     Field("color", COLOR, (2,)),
+    Field("resolution", RESOLUTION, (2,)),
     Field("sensor_noise", np.float64, (2,), 0.0),  # variances in use [mm^2], [N^2]
     Field("noise", NOISE, (2,)),
     Field("motion", MOTION),

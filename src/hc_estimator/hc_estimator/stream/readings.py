@@ -38,12 +38,14 @@ class Check(Enum):
     RATE = "rate"
     SATURATION = "saturation"
     QUANTISATION = "quantisation"
+    SMOOTHED = "smoothed"
     EXCHANGED = "exchanged"
     SIGN = "sign"
     UNITS = "units"
     INERTIA = "inertia"
     DAMPING = "damping"
     FRICTION = "friction"
+    HYSTERESIS = "hysteresis"
     ZERO_STEP = "zero step"
     FORCE_ZERO = "force zero"
     POSITION_ZERO = "position zero"
@@ -60,7 +62,8 @@ class Suspicion(NamedTuple):
         sentence: what is seen, and what to do about it.
         remedy: what would put it right: the factor of a sign or a unit, the zero to take off [N] or
             [mm], in how many samples a reading stands that is to count once, the force from which
-            on readings are to be left out [N]; NaN where no number would.
+            on readings are to be left out [N], over how long a moving mean is taken [s]; NaN where
+            no number would.
         since_s: time of the first reading that the remedy is for [s]; -inf for all.
         until_s: time of the first one that it is no longer for [s]; inf for all.
     """

@@ -31,6 +31,7 @@ from hc_estimator.stream.readings import (
     whole,
 )
 from hc_estimator.stream.sign_checks import RELATED, turned_channels
+from hc_estimator.stream.smoothing_checks import smoothed
 from hc_estimator.stream.tool_motion_checks import find_tool_motion, less_motion, takes_force
 from hc_estimator.stream.zero_steps import find_steps
 
@@ -45,6 +46,8 @@ GRAM_FORCE = 9.80665e-3
 
 HELD_BACK = (Check.FRICTION, Check.DAMPING, Check.INERTIA)
 """A part of the force is of what moving the tool takes."""
+LOOKS_LATE = (*HELD_BACK, Check.SMOOTHED, Check.HYSTERESIS)
+"""What passes for a delay and is more than that."""
 _ZERO_SHARE = 0.05
 _SURFACE_SHARE = 0.4
 """Of the depth: a stiffening tissue is hardly felt in the first quarter."""
@@ -177,8 +180,11 @@ def _check_one(readings: Readings, other: Readings, result: list[Suspicion]) -> 
     mistimed = "" if is_force else stamp_checks.mistimed(readings)
     _add(result, Check.TIMES, readings, mistimed)
     if not mistimed:
+        mean, length_s = yield from smoothed(readings)
+        _add(result, Check.SMOOTHED, readings, mean, length_s)
+        yield
         uneven, repeats = (yield from stamp_checks.irregular(readings)), math.nan
-        if not uneven:
+        if not (uneven or mean):
             uneven, repeats = channel_checks.held(readings)
         _add(result, Check.RATE, readings, uneven, repeats)
     yield
