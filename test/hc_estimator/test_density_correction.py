@@ -3,16 +3,14 @@
 import numpy as np
 import pytest
 
-import hc_estimator as hc
 from hc_estimator.adaptation import density_correction, motion_density
 
 RATE = 500.0
 
 
 @pytest.fixture
-def motion():
-    memory = hc.create_estimator("self_tuning_ukf")._memory.view(np.recarray)[0]
-    return memory.motion
+def motion(parts):
+    return parts[1].motion
 
 
 def after(motion, force, displacement=None, rate=RATE):

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hc_bringup.finding import DISTURBED_SHARE, UNKNOWN, Finding, cost_of, cures
+from hc_bringup.reading_changes import read_alike
 from hc_bringup.treated_samples import Estimated, Samples
 from hc_estimator.stream.readings import Check, Suspicion
 from hc_evaluation.behind_sensor import LOW_PASS, MEAN, MEMORY
@@ -94,6 +95,22 @@ def doubted_effect(
     check = Check.HYSTERESIS if effect.kind == MEMORY else Check.SMOOTHED
     stiffness = f"{effect_words(effect)}; with it in the law K = {effect.parameters[0]:.3g}"
     return Suspicion(check, effect.channel, f"{stiffness} (hc doctor says the others)")
+
+
+def doubted_effects(
+    recording: Any, doubts: Sequence[Suspicion], estimated: Mapping[str, Any]
+) -> list[Suspicion]:
+    """Return what `doubted_effect` finds in a recording, none or one.
+
+    Args:
+        recording: hc_logger.recorded.Recording.
+        doubts: what cannot be right of it.
+        estimated: what an estimator made of it: model_mismatch_share, channel_delay [s] and
+            channel_delay_std [s].
+    """
+    keys = ("model_mismatch_share", "channel_delay", "channel_delay_std")
+    effect = doubted_effect(read_alike(recording), doubts, *(float(estimated[key]) for key in keys))
+    return [] if effect is None else [effect]
 
 
 def effect_words(effect: Effect) -> str:

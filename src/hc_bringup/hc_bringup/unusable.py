@@ -17,9 +17,8 @@ def say_unusable(name: str, recording: Any) -> str:
     """Say on standard error what makes the parameters useless; the reason in a few words.
 
     What moving the tool takes, or a filter of a sensor, is said as well, for it is in every
-    contact. What else is only
-    doubted is not: zeros may be found place by place, and the law is judged by what is made of the
-    recording.
+    contact. What else is only doubted is not: zeros may be found place by place, and the law is
+    judged by what is made of the recording.
 
     Args:
         name: what the recording is called.

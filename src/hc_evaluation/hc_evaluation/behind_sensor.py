@@ -35,7 +35,7 @@ def behind(kind: str, columns: Array, size: float, rate_hz: float) -> Array:
 def _low_pass(order: int) -> Behind:
     def filtered(columns: Array, size: float, rate_hz: float) -> Array:
         corner_hz = min(1.0 / (2.0 * np.pi * size), 0.49 * rate_hz)
-        return _filtered(*butter(order, corner_hz, fs=rate_hz), columns)
+        return from_rest(*butter(order, corner_hz, fs=rate_hz), columns)
 
     return filtered
 
@@ -44,11 +44,17 @@ def _behind_mean(columns: Array, size: float, rate_hz: float) -> Array:
     length = max(2.0, size * rate_hz)
     whole = int(length)
     weights = np.append(np.full(whole, 1.0 / length), (length - whole) / length)
-    return _filtered(weights, np.ones(1), columns)
+    return from_rest(weights, np.ones(1), columns)
 
 
-def _filtered(numerator: Array, denominator: Array, columns: Array) -> Array:
-    """Filter columns, as if they had been what they are at first for ever."""
+def from_rest(numerator: Array, denominator: Array, columns: Array) -> Array:
+    """Filter columns, as if they had been what they are at first for ever.
+
+    Args:
+        numerator: of the filter, shape (k,).
+        denominator: shape (l,).
+        columns: over time, shape (n,) or (n, m).
+    """
     result: Array = lfilter(numerator, denominator, columns - columns[0], axis=0) + columns[0]
     return result
 

@@ -57,6 +57,7 @@ CLEARLY_BETTER = 0.98
 """What a wider window has to leave of the residual."""
 LARGEST_WINDOW_SHARE = 0.05
 """Of the recording: so long a window may be."""
+FIFTH_DIFFERENCES = 252.0  # variance of those of white noise of variance 1
 CLEAR = 3.0  # a fault beyond so many standard deviations is called one
 
 
@@ -163,6 +164,11 @@ def diagnose_channels(
     )
 
 
+def white_noise_std(values: FloatArray) -> float:
+    """Return the standard deviation of the white noise in smooth values, by fifth differences."""
+    return float(np.sqrt(np.mean(np.diff(values, 5) ** 2) / FIFTH_DIFFERENCES))
+
+
 def parameters_of(x: FloatArray) -> FloatArray:
     """Return K, B, n, p of what is fitted: ln K, ln B, n, p, delay, zero, contact."""
     return np.array([np.exp(x[0]), np.exp(x[1]), x[2], x[3]])
@@ -197,7 +203,7 @@ class _Fit:
         margin = max(2, round(3.0 * DELAY_PRIOR_S / step))
         inside = slice(margin, time_s.size - margin) if time_s.size > 4 * margin else slice(None)
         self._times, self._measured = time_s[inside], force_n[inside]
-        self.noise_n = float(np.sqrt(np.mean(np.diff(force_n, 5) ** 2) / 252.0)) + 1e-9
+        self.noise_n = white_noise_std(force_n) + 1e-9
         self._first = np.log(
             max(float(np.max(force_n)), 1e-9) / max(float(np.max(displacement)), 0.1) ** 1.5
         )

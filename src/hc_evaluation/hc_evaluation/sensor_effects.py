@@ -20,7 +20,15 @@ from scipy.signal import savgol_filter
 
 from hc_estimator.contact.arrays import force_gradient, hunt_crossley_force
 from hc_evaluation.behind_sensor import DELAY, LOW_PASS, MEAN, MEMORY, behind
-from hc_evaluation.channels import CLEARLY_BETTER, EXPONENT_PRIOR, SMOOTHING_S, WIDE_ORDER
+from hc_evaluation.channels import (
+    CLEARLY_BETTER,
+    EXPONENT_PRIOR,
+    FIFTH_DIFFERENCES,
+    SMOOTHING_S,
+    WIDE_ORDER,
+    parameters_of,
+    white_noise_std,
+)
 from hc_evaluation.play import behind_play
 
 Array = NDArray[np.float64]
@@ -216,7 +224,7 @@ def _law_of_slow_motion(time_s: Array, displacement_mm: Array, force_n: Array) -
         tried.append(law)
     best.less_smoothed = [law for law in tried if law is not best]
     # The noise is that of all readings.
-    best.noise_n = float(np.sqrt(np.mean(np.diff(force_n, 5) ** 2) / 252.0))
+    best.noise_n = white_noise_std(force_n)
     best.noise_rate_hz = 1.0 / step
     return best
 
@@ -230,7 +238,7 @@ class _Law:
         self.rate_hz = 1.0 / float(np.median(np.diff(time_s)))
         self.noise_rate_hz = self.rate_hz
         self.place_mm, self._measured = place_mm, force_n
-        self.noise_n = float(np.sqrt(np.mean(np.diff(force_n, 5) ** 2) / 252.0))
+        self.noise_n = white_noise_std(force_n)
         self.range_n = float(np.ptp(force_n))
         self.less_smoothed: list[_Law] = []
         self._length = max(7, 2 * round(0.5 * window_s * self.rate_hz) + 1)
@@ -281,7 +289,7 @@ class _Law:
     def law_of(self, x: Array, motion: Motion) -> tuple[Array, Array]:
         """Return the force [N], shape (n,), and its derivatives by x, shape (n, 6)."""
         depth, velocity = motion[0] - x[5], motion[1]
-        parameters = np.array([np.exp(x[0]), np.exp(x[1]), x[2], x[3]])
+        parameters = parameters_of(x)
         force = hunt_crossley_force(depth, velocity, parameters)
         by = force_gradient(depth, velocity, parameters)
         return force, np.column_stack([by[:, 2:], np.zeros(len(force)), -by[:, 0]])
@@ -376,7 +384,7 @@ class _Law:
         impulse = np.zeros((int(3.0 * effect.size * 6.0 * self.noise_rate_hz) + 20, 1))
         impulse[6] = 1.0
         answer = behind(effect.kind, impulse, effect.size, self.noise_rate_hz)[:, 0]
-        quick = float(np.sqrt(np.sum(np.diff(answer, 5) ** 2) / 252.0))
+        quick = float(np.sqrt(np.sum(np.diff(answer, 5) ** 2) / FIFTH_DIFFERENCES))
         white_n = min(self.noise_n / max(quick, 1e-12), NOISIEST * self.range_n)
         return white_n * float(np.sqrt(np.sum(answer**2)))
 

@@ -33,7 +33,7 @@ from hc_bringup.reading_changes import read_alike
 from hc_bringup.report.contact_file import PARAMETER_UNITS, columns
 from hc_bringup.report.contacts import find_contacts
 from hc_bringup.run_data import of_series
-from hc_bringup.sensor_effect import doubted_effect
+from hc_bringup.sensor_effect import doubted_effects
 from hc_bringup.sites import run_by_site
 from hc_bringup.summary import why_unusable
 from hc_bringup.taken_off_live import not_taken_off
@@ -285,12 +285,7 @@ def _estimated(task: Task, variant: Variant, recording: Any, name: Path) -> dict
     limit_n = float(estimator.configuration["force_limit"])
     once = recording.counted_once
     suspicions = check_samples(*read_alike(recording), limit_n, once)
-    effect = doubted_effect(
-        read_alike(recording),
-        suspicions,
-        *(summary[key] for key in ("model_mismatch_share", "channel_delay", "channel_delay_std")),
-    )
-    suspicions += [] if effect is None else [effect]
+    suspicions += doubted_effects(recording, suspicions, summary)
     # A law that hardly fits is in the row's mismatch_share; a channel that is turned is no result.
     reason = why_unusable((s.check.value for s in suspicions), math.nan) or why_no_result(summary)
     contacts = []

@@ -51,8 +51,8 @@ def run(arguments: argparse.Namespace) -> int:
     import sys
 
     from hc_bringup.force_error import dishonest_line
-    from hc_bringup.reading_changes import change_lines, read_alike
-    from hc_bringup.sensor_effect import doubted_effect
+    from hc_bringup.reading_changes import change_lines
+    from hc_bringup.sensor_effect import doubted_effects
     from hc_bringup.summary import MISFIT_SHARE, to_json, why_unusable
     from hc_bringup.taken_off_live import not_taken_off
     from hc_bringup.unusable import doubts_of
@@ -97,12 +97,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.output is not None:
         write_estimates(Path(arguments.output), recording, series)
     summary = summarise(estimator, recording, series, seconds)
-    effect = doubted_effect(
-        read_alike(recording),
-        suspicions,
-        *(summary[key] for key in ("model_mismatch_share", "channel_delay", "channel_delay_std")),
-    )
-    if effect is not None:
+    for effect in doubted_effects(recording, suspicions, summary):
         suspicions.append(effect)
         print(f"{name}: {effect.sentence}", file=sys.stderr)
         if len(suspicions) == 1:

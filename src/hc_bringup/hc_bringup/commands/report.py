@@ -66,19 +66,14 @@ def _effect(recording: Any, data: Any, doubts: list[Any]) -> list[Any]:
     """Return what a sensor made of a channel, if the estimates of a recording are bent by it."""
     import numpy as np
 
-    from hc_bringup.reading_changes import read_alike
-    from hc_bringup.sensor_effect import doubted_effect
+    from hc_bringup.sensor_effect import doubted_effects
 
     touching = data.contact & data.used
     if not touching.any():
         return []
-    effect = doubted_effect(
-        read_alike(recording),
-        doubts,
-        float(np.mean(data.model_mismatch[touching])),
-        *(float(data.estimates[name][-1]) for name in ("channel_delay", "channel_delay_std")),
-    )
-    return [] if effect is None else [effect]
+    last = {name: data.estimates[name][-1] for name in ("channel_delay", "channel_delay_std")}
+    share = np.mean(data.model_mismatch[touching])
+    return doubted_effects(recording, doubts, last | {"model_mismatch_share": share})
 
 
 def _content(data: Any, doubts: list[Any], suffix: str, command: list[str]) -> bytes:

@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_estimator.stream.correlation import autocorrelation
 from hc_estimator.stream.readings import FloatArray, Parts, Readings, robust_range, runs
 from hc_estimator.stream.stamp_checks import rate_of
 
@@ -63,7 +64,7 @@ def mean_length(readings: Readings) -> int:
         return 0
     quick = np.diff(values, _ORDER)
     usual = MOST_USUAL * float(np.median(np.abs(quick)))
-    together = _correlations(np.clip(quick, -usual, usual))
+    together = autocorrelation(np.clip(quick, -usual, usual))
     if len(together) <= SHORTEST_MEAN:
         return 0
     longest = int(LARGEST_SHARE * len(values))
@@ -136,15 +137,6 @@ def smoothed(readings: Readings) -> Parts[tuple[str, float]]:
             f"other tissue: switch off the filter of the {sensor} sensor or of its driver"
         ), math.nan
     return "", math.nan
-
-
-def _correlations(values: FloatArray) -> FloatArray:
-    """Return the autocorrelation of values, up to a quarter of their length and a bit."""
-    centred = values - np.mean(values)
-    size = 1 << int(2 * len(centred) - 1).bit_length()
-    power = np.abs(np.fft.rfft(centred, size)) ** 2
-    found: FloatArray = np.fft.irfft(power, size)[: len(centred) // 2 + 8]
-    return found / found[0] if found[0] > 0.0 else np.empty(0)
 
 
 def _moving_mean(values: FloatArray, length: int) -> NDArray[np.float64]:

@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, lfilter
+from scipy.signal import butter
 
 from hc_estimator.stream.dry_friction import DryFriction
 from hc_estimator.stream.frame_compliance import FrameCompliance
@@ -23,6 +23,7 @@ from hc_evaluation.accuracy.drawn_contact import Between, Draw, DrawnContact, dr
 from hc_evaluation.accuracy.measure import Numbers
 from hc_evaluation.accuracy.scenarios import log_uniform
 from hc_evaluation.accuracy.troubles import NOTHING, TroubleTask, believed, rows_of
+from hc_evaluation.behind_sensor import from_rest
 from hc_evaluation.play import behind_play
 from hc_msgs_py.units import NANOSECONDS
 
@@ -84,8 +85,7 @@ def _low_pass(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray
     """A force sensor with a filter of its own (second order, Butterworth)."""
     rate_hz = 1.0 / float(np.median(np.diff(time)))
     corner_hz = min(log_uniform(draw, 5.0, 50.0), 0.4 * rate_hz)
-    numerator, denominator = butter(2, corner_hz, fs=rate_hz)
-    return place, force[0] + lfilter(numerator, denominator, force - force[0])
+    return place, from_rest(*butter(2, corner_hz, fs=rate_hz), force)
 
 
 def _mm_per_n(draw: Draw, place: FloatArray, force: FloatArray) -> float:
