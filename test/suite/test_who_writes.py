@@ -38,6 +38,7 @@ RECORDS = {  # what a variable of that name is, in every kernel
     "maneuver": "maneuver",
     "kept": "kept row",
     "history": "history",
+    "search": "search",
     "fit": "fit",
     "moving": "moving",
     "zeros": "zeros",
@@ -84,14 +85,17 @@ OWNERS = {
     "maneuver": ("multiple_model/maneuver", "multiple_model/departure"),
     "kept row": ("multiple_model/maneuver",),
     "history": ("multiple_model/history", "multiple_model/batch_fit"),
+    "search": ("multiple_model/search",),
     "fit": (
         "multiple_model/spline",
         "multiple_model/spline_prior",
         "multiple_model/spline_start",
         "multiple_model/spline_fit",
+        "multiple_model/spline_descent",
     ),
     "moving": (
         "multiple_model/moving_fit",
+        "multiple_model/moving_kinds",
         "multiple_model/moving_delay",
         "multiple_model/spline_outcome",
     ),
@@ -99,6 +103,7 @@ OWNERS = {
         "multiple_model/zero_average",
         "multiple_model/zero_choice",
         "multiple_model/zero_fit",
+        "multiple_model/zero_kinds",
         "multiple_model/zero_sensitivity",
     ),
     "delay": (
@@ -153,6 +158,9 @@ GUESTS = {
     "multiple_model/another_place": {"history": "contact"},
     # A delay that the contacts show is the one in use.
     "multiple_model/place_delay": {"delay": "delay deviation doubt fit"},
+    "multiple_model/moving_fit": {"judge": "found"},
+    # What goes on is given up, or goes on with what has moved.
+    "multiple_model/search": {"fit": "air_zero phase values", "moving": "stage", "zeros": "stage"},
     # Likewise one that is found beneath a surface that moves.
     "multiple_model/moving_delay": {
         "delay": "delay deviation doubt fit",
@@ -198,13 +206,15 @@ GUESTS = {
         "noise": "readings",
         "row": "covariance position_deviation state",
     },
-    "multiple_model/moving_fit": {
+    "multiple_model/moving_rows": {
         "judge": "chosen found found_at",
+        "moving": "moved_at",
         "row": "active counts_from covariance log_likelihood model_error position_deviation score "
         "since state",
     },
+    "multiple_model/zero_kinds": {"fit": "air_zero air_zero_deviation held"},
     "multiple_model/zero_fit": {
-        "fit": "air_zero air_zero_deviation held values",
+        "fit": "held values",
         "onset": "force_deviation position_deviation shift",
     },
     "multiple_model/batch_fit": {

@@ -23,7 +23,7 @@ from typing import Any
 from hc_estimator.adaptation import noise_color
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import air_window, place_delay, zero_moves
-from hc_estimator.multiple_model import history as histories
+from hc_estimator.multiple_model import search as searches
 from hc_estimator.multiple_model.air_window import (
     FEWEST,
     LEAST_TRAVEL,
@@ -199,10 +199,10 @@ def _conclude(bank: Any, time: float) -> None:
         if moves or finer:
             _move(bank, level, deviation)
             if finer or not seen_before:
-                histories.move(bank.history, 0.0, level, 0.0, 0.0)
+                searches.move(bank, level, 0.0, 0.0)
             # A step is more likely to have come while nobody touched anything.
             elif not step:
-                histories.move(bank.history, 0.0, level, air.known_at, time)
+                searches.move(bank, level, air.known_at, time)
             if step:  # what did not fit meanwhile was this
                 for m in range(bank.rows.shape[0]):
                     forget_misfit(bank.rows[m])

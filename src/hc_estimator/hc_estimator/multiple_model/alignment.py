@@ -25,6 +25,7 @@ from hc_estimator.multiple_model import (
     held_readings,
     moving_delay,
     moving_fit,
+    moving_rows,
     outliers,
     place_delay,
     plausible,
@@ -34,7 +35,7 @@ from hc_estimator.multiple_model import (
 )
 from hc_estimator.multiple_model import delay as delays
 from hc_estimator.multiple_model import grid as grids
-from hc_estimator.multiple_model import history as histories
+from hc_estimator.multiple_model import search as searches
 from hc_estimator.multiple_model.choice import choose
 from hc_estimator.multiple_model.hypotheses import FITTED, is_tried
 from hc_estimator.multiple_model.records import HELD
@@ -264,6 +265,7 @@ def _take_points(settings: Any, bank: Any) -> None:
         for _ in range(AT_ONCE):
             if not _take_point(settings, bank):
                 break
+        _go_on_searching(settings, bank)
     place_delay.note_none(bank.delay, bank.place)
 
 
@@ -288,17 +290,31 @@ def _take_point(settings: Any, bank: Any) -> bool:
             bank.judge.chosen = 0
             choose(settings, bank.judge, rows, bank.tool, bank.tool.contact_clock)
         moving_fit.look(settings, bank)
-        in_use = finder.delay
+    if full and math.isnan(settings.channel_delay):
+        _look_for_delay(settings, bank)
+    return bool(new)
+
+
+@compiled
+def _go_on_searching(settings: Any, bank: Any) -> None:
+    """Take the steps that are due of what least squares are asked, and use what they find."""
+    searches.let_time_pass(bank)
+    while searches.is_due(bank):
+        if not searches.take_step(settings, bank):
+            continue
+        if bank.zeros.stage != 0:
+            if zero_fit.take(settings, bank):
+                beginning.begin_with_zeros(settings, bank)
+            continue
+        moving_fit.take(settings, bank)
+        in_use = bank.delay.delay
         if moving_delay.is_found(bank):
-            change = finder.delay - in_use
+            change = bank.delay.delay - in_use
             if abs(change) > moving_delay.GOES_ON:
                 _begin_with_delay(settings, bank)
             else:
                 _correct_delay(bank, change)
-            moving_fit.begin_moving(settings, bank)
-    if full and math.isnan(settings.channel_delay):
-        _look_for_delay(settings, bank)
-    return bool(new)
+            moving_rows.begin_moving(settings, bank)
 
 
 @compiled
@@ -314,7 +330,7 @@ def _correct_delay(bank: Any, change: float) -> None:
     """Go on with a delay that is known better by a little [s]."""
     held_readings.hold_none(bank.held)
     delay_sensitivity.correct(bank.rows, change)
-    histories.realign(bank.history, change)
+    searches.realign(bank, change)
 
 
 @compiled

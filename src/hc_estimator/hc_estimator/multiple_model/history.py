@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import clear_vector
+from hc_estimator.linear_algebra import clear_vector, copy_vector
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model import smoothing
 from hc_estimator.multiple_model.delay_records import GRID
@@ -41,6 +41,7 @@ MEMORY_TIMES = np.array([0.05, 0.15, 0.5, 1.5, 5.0])
 @compiled
 def reset(history: Any) -> None:
     """Nothing was felt of this tissue yet."""
+    history.version += 1
     history.count = 0
     history.first = 0
     history.contact = 0
@@ -52,6 +53,20 @@ def reset(history: Any) -> None:
     history.trembles = 0
     history.realigned = 0.0
     clear_vector(history.held)
+
+
+@compiled
+def copy(other: Any, history: Any) -> None:
+    """Copy from another history what fits with splines ask for."""
+    for k in range(min(other.count, POINTS)):
+        history.points[k] = other.points[k]
+    copy_vector(other.velocity_std, history.velocity_std)
+    copy_vector(other.velocity_noise, history.velocity_noise)
+    history.half_width = other.half_width
+    history.count = other.count
+    history.begun = other.begun
+    history.every = other.every
+    history.version = other.version
 
 
 @compiled
@@ -233,6 +248,7 @@ def oldest(history: Any) -> int:
 @compiled
 def begin_at_place(history: Any) -> bool:
     """Begin with the points of the present contact; False if they are the first already."""
+    history.version += 1
     is_first = history.begun != history.contact
     history.first = history.contact
     history.begun = history.contact

@@ -17,12 +17,12 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector
 from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model import spline, spline_start
+from hc_estimator.multiple_model import spline, spline_descent, spline_start
 from hc_estimator.multiple_model.delay import BEGINS, LARGEST
 from hc_estimator.multiple_model.delay_evidence import CORRECTION
 from hc_estimator.multiple_model.kalman import exp_limited
 from hc_estimator.multiple_model.levenberg_marquardt import solve
-from hc_estimator.multiple_model.spline_fit import CONSISTENT, solve_least_squares
+from hc_estimator.multiple_model.spline_fit import CONSISTENT
 from hc_estimator.multiple_model.spline_prior import log_evidence
 from hc_estimator.multiple_model.spline_records import LARGEST_SHIFT, MOVES
 
@@ -82,62 +82,92 @@ def _variance_of_delay(fit: Any) -> float:
 
 
 @compiled
-def ask(settings: Any, bank: Any, first: int, likeliest: float) -> None:
-    """Fit tissue that stays under a surface that moves, with a delay, and note what it is.
+def begin(settings: Any, bank: Any) -> bool:
+    """Begin to fit tissue that stays under a surface that moves, with a delay; False if none can.
 
     Args:
         settings: settings record.
-        bank: its records `moving` and `fit` are changed, and the weights of the points.
-        first: number of the oldest point.
-        likeliest: logarithm of the evidence for what is likeliest with nothing late.
+        bank: its records `moving` and `fit` are changed; `search` has the points.
     """
-    moving, fit, history, finder = bank.moving, bank.fit, bank.history, bank.delay
-    before, agreeing = moving.delay, moving.agreeing
+    moving, fit, history = bank.moving, bank.fit, bank.search.history
+    first = histories.of_place(history)
+    first = spline.first_in_reach(history, first, history.count)
+    if not spline.lay_out_at_zeros(settings, history, fit, first, history.count, MOVES):
+        _note_none(moving)
+        return False
+    fit.delay_deviation = LATE_DEVIATION
+    fit.spacing = bank.delay.grid_step * history.every
+    spline_start.begin(settings, history, fit, bank.rows[bank.judge.chosen])
+    if moving.delay != 0.0:  # from none on the next one may end where no law fits
+        steps = round(moving.delay / fit.spacing)
+        fit.shift = min(max(steps, -LARGEST_SHIFT), LARGEST_SHIFT)
+        fit.values[spline.DELAY] = moving.delay - fit.shift * fit.spacing
+    spline_descent.begin(settings, fit)
+    moving.nearer = 0
+    return True
+
+
+@compiled
+def _note_none(moving: Any) -> None:
+    """There is no delay that would be one."""
     moving.agreeing = 0
     moving.delay = 0.0
-    if not spline.lay_out_at_zeros(settings, history, fit, first, moving.last, MOVES):
-        return
-    fit.delay_deviation = LATE_DEVIATION
-    fit.spacing = finder.grid_step * history.every
-    spline_start.begin(settings, history, fit, bank.rows[bank.judge.chosen])
-    if before != 0.0:  # from none on the next one may end where no law fits
-        steps = round(before / fit.spacing)
-        fit.shift = min(max(steps, -LARGEST_SHIFT), LARGEST_SHIFT)
-        fit.values[spline.DELAY] = before - fit.shift * fit.spacing
-    noise = histories.noise_of_points(bank)
-    squares = solve_least_squares(settings, history, fit, noise)
+
+
+@compiled
+def take(settings: Any, bank: Any, likeliest: float) -> bool:
+    """Note what delay the solved fit has; False if it goes on with other points.
+
+    Args:
+        settings: settings record.
+        bank: its records `moving` and `fit` are changed.
+        likeliest: logarithm of the evidence for what is likeliest with nothing late.
+    """
+    moving, fit = bank.moving, bank.fit
     # Far from its own time a point says little of the motion; another one is nearer.
-    for _ in range(NEARER):
-        steps = round(fit.values[spline.DELAY] / fit.spacing) if math.isfinite(squares) else 0
-        if steps == 0:
-            break
+    steps = round(fit.values[spline.DELAY] / fit.spacing) if math.isfinite(fit.squares) else 0
+    if steps != 0 and moving.nearer < NEARER:
         if abs(fit.shift + steps) > LARGEST_SHIFT:
-            return
+            _note_none(moving)
+            return True
         fit.shift += steps
         fit.values[spline.DELAY] -= steps * fit.spacing
         fit.delay_deviation = fit.spacing
-        squares = solve_least_squares(settings, history, fit, noise)
-    if not squares < CONSISTENT * fit.expected:
-        return
+        spline_descent.begin(settings, fit)
+        moving.nearer += 1
+        return False
     delay = fit.shift * fit.spacing + fit.values[spline.DELAY]
+    if not _is_one(bank, delay, likeliest):
+        _note_none(moving)
+        return True
+    variance = _variance_of_delay(fit)
+    off = abs(delay - moving.delay)
+    same = moving.agreeing > 0 and off < SAME + 3.0 * math.sqrt(variance)
+    moving.agreeing = moving.agreeing + 1 if same else 1
+    moving.delay = delay
+    moving.delay_variance = variance
+    return True
+
+
+@compiled
+def _is_one(bank: Any, delay: float, likeliest: float) -> bool:
+    """True if the delay of the solved fit is clearly one, and as likely as what is in step [s]."""
+    fit, finder, history = bank.fit, bank.delay, bank.search.history
+    if not fit.squares < CONSISTENT * fit.expected:
+        return False
     variance = _variance_of_delay(fit)
     # Noise of the positions is no delay, however much likelier it makes one. Of one that is in use
     # already what is left is no more than a correction.
     least = LEAST if finder.delay == 0.0 else CORRECTION
     if not variance < KNOWN * KNOWN or abs(delay) < max(least, BEGINS * math.sqrt(variance)):
-        return
+        return False
     # Points that have none at that time would have left as much as the others.
-    without = histories.count_known(history, first, moving.last) - fit.count
+    without = histories.count_known(history, fit.first, fit.last) - fit.count
     lost = without * fit.expected / max(fit.count, 1)
     # Nor is it a delay that averages the positions of two points, however little that leaves.
     lost += fit.averaged
-    evidence = log_evidence(fit, squares) - 0.5 * (lost + (delay / LATE_DEVIATION) ** 2)
-    if abs(finder.delay + delay) > LARGEST or evidence < likeliest:
-        return
-    same = agreeing > 0 and abs(delay - before) < SAME + 3.0 * math.sqrt(variance)
-    moving.agreeing = agreeing + 1 if same else 1
-    moving.delay = delay
-    moving.delay_variance = variance
+    evidence = log_evidence(fit, fit.squares) - 0.5 * (lost + (delay / LATE_DEVIATION) ** 2)
+    return abs(finder.delay + delay) <= LARGEST and evidence >= likeliest
 
 
 @compiled

@@ -197,6 +197,7 @@ HISTORY = record_type(
         Field("realigned", np.float64),  # by how much the delay was corrected beneath them [s]
         Field("memory", np.float64, (MEMORIES,)),  # the same now
         Field("last_force", np.float64),  # that went into them [N]
+        Field("version", np.int64, (), 0),  # raised where the tissue is another from now on
         Field("count", np.int64, (), 0),  # remembered since the start or the last change
         Field("first", np.int64, (), 0),  # that counts, if it is still there
         # The first of the present contact, and of the place that it is with (`another_place`).
@@ -229,6 +230,16 @@ HISTORY = record_type(
         Field("factor", np.float64, (4, 4)),
         Field("covariance", np.float64, (4, 4)),
         Field("false", np.float64, (4, 4)),  # information that is noise of the velocity
+    )
+)
+
+# Points of one moment, and how much time there is for the fits that are asked of them (`search`).
+SEARCH = record_type(
+    (
+        Field("history", HISTORY),
+        Field("noise", np.float64, (3,), 0.0),  # see `history.noise_of_points`
+        Field("time", np.float64),  # up to which the time has passed [s]
+        Field("credit", np.float64, (), 0.0),  # of it that no step has used yet [s]
     )
 )
 
@@ -365,6 +376,7 @@ BANK: tuple[Field, ...] = (
     Field("change", CHANGE),
     Field("maneuver", MANEUVER),
     Field("history", HISTORY),
+    Field("search", SEARCH),
     Field("fit", SPLINE_FIT),
     Field("moving", MOVING),
     Field("zeros", ZEROS),

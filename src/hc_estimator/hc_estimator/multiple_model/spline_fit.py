@@ -14,26 +14,14 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import clear_vector, copy_vector, is_definite, leading_cholesky
+from hc_estimator.linear_algebra import clear_vector
 from hc_estimator.multiple_model import point_error
 from hc_estimator.multiple_model.kalman import exp_limited
-from hc_estimator.multiple_model.levenberg_marquardt import (
-    FIRST_DAMPING,
-    LARGEST_DAMPING,
-    solve,
-    step,
-)
+from hc_estimator.multiple_model.levenberg_marquardt import solve
 from hc_estimator.multiple_model.local_polynomial import value_noise
 from hc_estimator.multiple_model.normal_equations import law_at
 from hc_estimator.multiple_model.records import POINTS
-from hc_estimator.multiple_model.rows import (
-    LARGEST_EXPONENT,
-    LARGEST_LOG_RATIO,
-    LARGEST_VELOCITY_EXPONENT,
-    SMALLEST_EXPONENT,
-    SMALLEST_LOG_RATIO,
-    SMALLEST_VELOCITY_EXPONENT,
-)
+from hc_estimator.multiple_model.rows import LARGEST_EXPONENT, SMALLEST_EXPONENT
 from hc_estimator.multiple_model.spline import (
     DELAY,
     EXPONENT,
@@ -49,12 +37,6 @@ from hc_estimator.multiple_model.spline import (
     second,
 )
 from hc_estimator.multiple_model.spline_motion import motion_before, noise_left, place_of
-from hc_estimator.multiple_model.spline_prior import (
-    add_prior,
-    learn_wandering,
-    prior_cost,
-    take_prior,
-)
 from hc_estimator.multiple_model.spline_records import (
     BENDS,
     MEMORIES,
@@ -65,15 +47,8 @@ from hc_estimator.multiple_model.spline_records import (
 )
 
 CONSISTENT = 1.5  # largest squares left, in those of the noise, where the law fits
-PASSES = 3  # with other weights
-SETTLED = 0.01  # relative change of the squares with which the weights hold
 BEND_STEP = 0.1  # share of a step over which the second derivative is taken
 MOST_BENT = 0.75  # of a step's length, up to which its bend is followed
-STEPS = 20  # down the cost, at most
-# Decrease of the cost at which the fit is done. Zeros are told from none by a few of these, along a
-# valley in which a thousandth of the whole is as much.
-SMALLEST_GAIN = 0.05
-HOPELESS = 10.0  # squares left over those of the noise at which other weights change nothing
 
 
 @compiled
@@ -229,7 +204,7 @@ def _tangent(settings: Any, history: Any, fit: Any, values: Any, point: Any, num
 
 
 @compiled
-def _follow_bend(settings: Any, history: Any, fit: Any, values: Any) -> None:
+def follow_bend(settings: Any, history: Any, fit: Any, values: Any) -> None:
     """Correct the step from `values` to fit.next by how the force bends along it.
 
     K, n, damping and a surface that moves make up for one another along a valley that is curved,
@@ -291,92 +266,3 @@ def _note_splines(fit: Any, point: Any) -> None:
     if has(fit, RELAXES):
         for i in range(MEMORIES):
             slopes[first + i] = -point.memory[i]
-
-
-@compiled
-def _limit(values: Any) -> None:
-    """Keep ln (B / K), n and p where the law means something."""
-    values[LOG_RATIO] = min(max(values[LOG_RATIO], SMALLEST_LOG_RATIO), LARGEST_LOG_RATIO)
-    values[EXPONENT] = min(max(values[EXPONENT], SMALLEST_EXPONENT), LARGEST_EXPONENT)
-    least, most = SMALLEST_VELOCITY_EXPONENT, LARGEST_VELOCITY_EXPONENT
-    values[VELOCITY_EXPONENT] = min(max(values[VELOCITY_EXPONENT], least), most)
-
-
-@compiled
-def _improve(settings: Any, history: Any, fit: Any) -> float:
-    """Levenberg-Marquardt (SIAM J. 11, 1963) from fit.values on; its squares, or NaN."""
-    values, following = fit.values, fit.next
-    squares = gather(settings, history, fit, values)
-    cost = squares + prior_cost(fit, values)
-    add_prior(fit, values)
-    for _ in range(STEPS):
-        if not step(fit, values, fit.damping, fit.unknowns):
-            return math.nan
-        _follow_bend(settings, history, fit, values)
-        _limit(following)
-        squares_after = gather(settings, history, fit, following)
-        after = squares_after + prior_cost(fit, following)
-        if after < cost:
-            gain = cost - after
-            cost, squares = after, squares_after
-            copy_vector(following, values)
-            if gain < SMALLEST_GAIN:
-                break
-            add_prior(fit, values)
-            fit.damping *= 0.1
-        else:
-            fit.damping *= 10.0
-            if fit.damping > LARGEST_DAMPING:
-                break
-    return float(squares)
-
-
-@compiled
-def solve_least_squares(
-    settings: Any, history: Any, fit: Any, noise: tuple[float, float, float]
-) -> float:
-    """Fit from fit.values on.
-
-    Args:
-        settings: settings record.
-        history: points; their weights are changed.
-        fit: laid out; `values`, `factor`, `count`, `expected` and `weight` are those at the end.
-        noise: as in `weigh`.
-
-    Returns:
-        Weighted sum of squares; NaN if it broke down.
-    """
-    _limit(fit.values)
-    clear_vector(fit.next)
-    take_prior(settings, fit)
-    fit.damping = (
-        FIRST_DAMPING  # goes on from pass to pass: a damped step must not pass for the end
-    )
-    before = math.inf
-    for _ in range(PASSES):
-        weigh(settings, history, fit, noise)
-        squares = _improve(settings, history, fit)
-        if not math.isfinite(squares):
-            return math.nan
-        gather(settings, history, fit, fit.values)
-        if not _factorise(fit):
-            return math.nan
-        if squares > HOPELESS * fit.expected:
-            break
-        settled = learn_wandering(fit) and abs(before - squares) < SETTLED * squares
-        if not _factorise(fit):
-            return math.nan
-        if settled:
-            break
-        before = squares
-    fit.weight = 1.0 / max(squares / max(fit.count, 1), 1.0)
-    return squares
-
-
-@compiled
-def _factorise(fit: Any) -> bool:
-    """Factor of the information that was gathered at fit.values; False if it has none."""
-    add_prior(fit, fit.values)
-    if not leading_cholesky(fit.information, fit.factor, fit.unknowns):
-        return False
-    return bool(is_definite(fit.factor, fit.unknowns))

@@ -245,7 +245,7 @@ def log_evidence(fit: Any, squares: float) -> float:
     """Laplace's logarithm of the evidence of a fit that is solved, up to what all kinds share.
 
     Args:
-        fit: as `solve_least_squares` left it; its matrix `seen` is overwritten.
+        fit: solved; its matrix `seen` is overwritten.
         squares: weighted sum of squares.
     """
     total, precision = squares + prior_cost(fit, fit.values), fit.seen

@@ -17,6 +17,8 @@ MEMORIES = 5  # of a tissue that relaxes
 STAYS, VARIES, SINKS, MOVES, BENDS, RELAXES, STEADY = 0, 1, 2, 4, 8, 16, 32
 LARGEST_SHIFT = 32  # points by which a force may be late
 KINDS = 9  # of what tissue and surface do
+# Of a fit, step by step (`spline_descent`).
+SOLVED, PASS_BEGINS, PASS_GOES_ON, PASS_ENDS = range(4)
 LOCAL = SPLINE_FIRST + 2 * 4  # of which the force depends at one time
 
 SPLINE_FIT = record_type(
@@ -50,6 +52,12 @@ SPLINE_FIT = record_type(
         Field("expected", np.float64, (), 0.0),  # squares where only noise is left
         # What less is left of those because two positions were averaged.
         Field("averaged", np.float64, (), 0.0),
+        Field("phase", np.int64, (), 0, PASS_ENDS),
+        Field("passes", np.int64, (), 0),  # done
+        Field("steps", np.int64, (), 0),  # of this pass
+        Field("squares", np.float64, (), finite=False),  # that are left
+        Field("before", np.float64, (), finite=False),  # by the last pass
+        Field("cost", np.float64, (), finite=False),  # with what the prior adds
         Field("damping", np.float64, (), 0.0),  # of the next step
         Field("weight", np.float64, (), 0.0, 1.0),  # of the points' squares
         # Of one point:
@@ -74,8 +82,8 @@ SPLINE_FIT = record_type(
 MOVING = record_type(
     (
         Field("looked_at", np.float64, (), finite=False),  # contact clock of the last search [s]
-        Field("stage", np.int64, (), 0, KINDS + 2),  # fit that comes next; 0: none
-        Field("last", np.int64, (), 0),  # number of the point after the last that is asked
+        Field("stage", np.int64, (), 0, KINDS + 3),  # fit that goes on, see there; 0: none
+        Field("found", np.int64, (), -1, KINDS - 1),  # kind that was found; -1: none
         Field("evidence", np.float64, (KINDS,), finite=False),  # logarithm, by kind
         # The same with nothing late, where a fit had a small delay of its own.
         Field("in_step", np.float64, (KINDS,), finite=False),
@@ -87,6 +95,7 @@ MOVING = record_type(
         Field("delay", np.float64),
         Field("delay_variance", np.float64, (), 0.0),
         Field("agreeing", np.int64, (), 0),
+        Field("nearer", np.int64, (), 0),  # times that it was fitted with nearer points
         # ln K, ln B, n, p; position and speed of the surface; rate of ln K.
         Field("outcome", np.float64, (7,)),
         Field("covariance", np.float64, (7, 7)),

@@ -31,31 +31,22 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from hc_estimator.adaptation import noise_color
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector, copy_matrix, copy_vector
+from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import (
-    air_window,
     place_delay,
     spline,
+    spline_descent,
     spline_start,
     zero_average,
-    zero_rival,
+    zero_kinds,
     zero_sensitivity,
 )
-from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model.hypotheses import (
-    BREATHES,
-    LOG_STIFFNESS,
-    OWN,
-    SURFACE,
-    SURFACE_ROW,
-    is_tried,
-)
-from hc_estimator.multiple_model.records import POINTS
+from hc_estimator.multiple_model import search as searches
+from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, SURFACE_ROW, is_tried
 from hc_estimator.multiple_model.rows import is_held
-from hc_estimator.multiple_model.spline_fit import CONSISTENT, solve_least_squares
-from hc_estimator.multiple_model.spline_records import MOVES, SINKS, STAYS, VARIES
+from hc_estimator.multiple_model.spline_records import MOVES, SINKS
 from hc_estimator.multiple_model.zero_choice import (
     SIGNIFICANT,
     choose,
@@ -64,7 +55,15 @@ from hc_estimator.multiple_model.zero_choice import (
     speaks_against,
     wanders,
 )
-from hc_estimator.multiple_model.zero_records import BOTH, NONE, OF_FORCE, OF_POSITION
+from hc_estimator.multiple_model.zero_records import (
+    AS_THEY_ARE,
+    BOTH,
+    IDLE,
+    NONE,
+    OF_CHOICE,
+    OF_FORCE,
+    OF_POSITION,
+)
 from hc_estimator.specification import ParameterSpecification
 
 SPECIFICATIONS = (
@@ -76,19 +75,14 @@ SPECIFICATIONS = (
     ),
 )
 
-NEARLY = 3.0  # squares left, in those of the noise, up to which a fit may explain next to all
-LEAST_SHARE = 0.01  # of what the row in charge misses, that such a fit leaves
-REFUTED = 6.0  # the same, at which zeros that were found are taken back
+REFUTED = 6.0  # squares left, in those of the noise, at which zeros in use are taken back
 FEWEST_WINDOWS = 4  # of the delay before a zero is looked for
 EVERY = 1.0  # time in contact between two fits [s]
-LEAST_TIME = 2.0  # that they must span [s]
-LEAST_TIME_VARYING = 6.0  # the same where the tissue or the surface does not stay [s]
 LASTING = 2.0  # time in contact for which a choice must stay the same [s]
 LEAST_POSITION = 0.05  # [mm]
 LEAST_ZERO = 0.005  # of the largest force
 LARGEST_POSITION = 0.5  # of the largest depth
 LARGEST_ZERO = 0.3  # of the largest force
-LARGEST_SURFACE = 2.0  # of a surface that breathes, for which a force zero is asked [mm]
 LARGEST_DELAY = 0.005  # up to which the fit's tangents hold; a larger one is for `delay` [s]
 
 
@@ -131,6 +125,7 @@ def take_setting(settings: Any, zeros: Any) -> None:
 @compiled
 def restart(zeros: Any) -> None:
     """The time in contact begins anew, and nothing is waited for; zeros in use stay."""
+    zeros.stage = IDLE
     zeros.candidate = NONE
     zeros.waiting = 0
     zeros.since = 0.0
@@ -140,11 +135,14 @@ def restart(zeros: Any) -> None:
 
 @compiled
 def look(settings: Any, bank: Any) -> bool:
-    """Look for zeros that are off; True if onset.shift says by how much they are to move.
+    """Begin to look for zeros that are off, if it is time to; `take` has what is found.
 
     Args:
         settings: settings record.
-        bank: its records `zeros`, `fit` and `onset` are changed, and the weights of its points.
+        bank: its records `zeros`, `fit` and `search` are changed.
+
+    Returns:
+        True if onset.shift says by how much zeros in use are to move.
     """
     history, zeros, clock = bank.history, bank.zeros, bank.tool.contact_clock
     if settings.find_zeros == 0 or bank.onset.doubted != 0 or not is_tried(settings, SURFACE_ROW):
@@ -155,53 +153,106 @@ def look(settings: Any, bank: Any) -> bool:
     # A press in one direction leaves too much to K, B and n alone; and the fits all look for K.
     if bank.tool.retreated == 0 or is_held(settings, 0):
         return False
-    if clock - zeros.looked_at < EVERY:
+    if searches.is_busy(bank) or clock - zeros.looked_at < EVERY:
         return False
-    first = histories.of_place(history)
-    if not histories.is_motion_known(history, first):
+    if not histories.is_motion_known(history, histories.of_place(history)):
         return False
     zeros.looked_at = clock
-    fit = bank.fit
     # In the air the force's zero was seen better than a tissue shows it.
-    possible = BOTH
+    zeros.possible = BOTH
     if bank.onset.in_air != 0:
-        possible = OF_POSITION
+        zeros.possible = OF_POSITION
         zeros.unknown &= OF_POSITION
         zeros.moved[1] = 0.0
-    if not _fit_any(settings, bank, possible):
-        zeros.waiting = 0
-        return _review(bank, clock)
+    searches.begin(bank)
+    zero_kinds.begin(settings, bank)
+    return bool(zeros.stage == IDLE and _explain_nothing(bank))
+
+
+@compiled
+def take(settings: Any, bank: Any) -> bool:
+    """Take a fit of the search that is solved, and begin the next; as `look`.
+
+    Args:
+        settings: settings record.
+        bank: its records `zeros`, `fit` and `onset` are changed.
+    """
+    zeros, stage = bank.zeros, bank.zeros.stage
+    seen_in_air = bank.onset.in_air != 0 and zeros.possible & OF_FORCE != 0
+    if settings.find_zeros == 0 or seen_in_air:  # since it began
+        zeros.stage = IDLE
+        zeros.looked_at = -math.inf
+        return False
+    if stage == OF_CHOICE:
+        zeros.stage = IDLE
+        return _take_choice(settings, bank)
+    if stage == AS_THEY_ARE:
+        zeros.stage = IDLE
+        return _take_them(bank)
+    if zero_kinds.take(settings, bank):
+        return _choose(settings, bank)
+    return bool(zeros.stage == IDLE and _explain_nothing(bank))
+
+
+@compiled
+def _choose(settings: Any, bank: Any) -> bool:
+    """Choose which zeros are off, by the fit with all unknown; as `look`."""
+    zeros, fit, history = bank.zeros, bank.fit, bank.search.history
     zeros.refuted_since = math.inf
     zero_sensitivity.note_covariance(zeros, fit)
     sinks = fit.kind == SINKS
     if fit.kind == MOVES:  # where the surface is, is for the spline to say
-        possible &= OF_FORCE
+        zeros.possible &= OF_FORCE
         if zeros.unknown & OF_POSITION != 0:
             zeros.waiting = 0
             return False
+    possible = zeros.possible
     if zeros.unknown == NONE:
         asked = possible & OF_FORCE if sinks else possible
-        largest = histories.largest(history, first)
+        largest = histories.largest(history, histories.of_place(history))
         zero_average.doubt(settings, zeros, asked, largest, fit.kind == MOVES)
     unknown = choose(settings, zeros, possible, sinks)
     if unknown == NONE and zeros.unknown != NONE and not speaks_against(zeros, possible):
         unknown = zeros.unknown
+    zeros.chosen = unknown
     zero_sensitivity.note_doubt(zeros, possible, zeros.doubt_of_fit)
-    shown = zeros.doubt_of_fit[0, 0]
+    zeros.shown = zeros.doubt_of_fit[0, 0]
     if unknown != possible and (unknown != NONE or zeros.unknown != NONE):
         copy_vector(zeros.fit, zeros.change)
         copy_matrix(zeros.doubt_of_fit, zeros.doubt_of_both)
         _hold_others(fit, unknown, zeros.moved)
-        if not _explains(settings, bank):
-            zeros.waiting = 0
-            return False
-        zero_sensitivity.note_covariance(zeros, fit)
-        zero_sensitivity.note_doubt(zeros, unknown, zeros.doubt_of_fit)
-        shown = zeros.doubt_of_fit[0, 0]
-        zero_sensitivity.average(zeros, unknown, possible)
+        spline_descent.begin(settings, fit)
+        zeros.stage = OF_CHOICE
+        return False
+    return _wait(settings, bank)
+
+
+@compiled
+def _take_choice(settings: Any, bank: Any) -> bool:
+    """Take the fit in which only the zeros that were chosen are unknown; as `look`."""
+    zeros = bank.zeros
+    if not zero_kinds.explains_all(bank):
+        zeros.waiting = 0
+        return False
+    zero_sensitivity.note_covariance(zeros, bank.fit)
+    zero_sensitivity.note_doubt(zeros, zeros.chosen, zeros.doubt_of_fit)
+    zeros.shown = zeros.doubt_of_fit[0, 0]
+    zero_sensitivity.average(zeros, zeros.chosen, zeros.possible)
+    return _wait(settings, bank)
+
+
+@compiled
+def _wait(settings: Any, bank: Any) -> bool:
+    """Use what was chosen once it has stayed the same for long enough; as `look`.
+
+    Tissue that has just changed looks the same for as long as the change was not found.
+    """
+    zeros, unknown, clock = bank.zeros, bank.zeros.chosen, bank.zeros.looked_at
+    sinks = bank.fit.kind == SINKS
     if sinks and zeros.unknown != NONE:
         zeros.position = 0.0  # where the surface is by now is for the rows that follow it
-    if not is_worth_it(zeros, unknown, sinks) or not _is_possible(history, zeros, first):
+    possible = _is_possible(bank.search.history, zeros)
+    if not is_worth_it(zeros, unknown, sinks) or not possible:
         zeros.waiting = 0
     elif zeros.waiting == 0 or zeros.candidate != unknown or wanders(zeros, unknown, sinks):
         zeros.waiting = 1
@@ -210,111 +261,44 @@ def look(settings: Any, bank: Any) -> bool:
         zeros.begun[0] = zeros.position
         zeros.begun[1] = zeros.force
         copy_matrix(zeros.covariance, zeros.begun_covariance)
-    # Tissue that has just changed looks the same for as long as the change was not found.
     if zeros.waiting != 0 and clock - zeros.since >= LASTING:
-        if zeros.unknown != NONE or _explains_more(settings, bank, possible):
-            _use(bank.onset, zeros, unknown, sinks, shown)
+        if zeros.unknown != NONE:
+            _use(bank)
             return True
-        zeros.waiting = 0
-    if zeros.unknown != NONE and zeros.unknown == unknown:
-        zero_sensitivity.keep_doubt(zeros, shown)
+        _begin_as_they_are(settings, bank)
+    elif zeros.unknown != NONE and zeros.unknown == unknown:
+        zero_sensitivity.keep_doubt(zeros, zeros.shown)
     return False
 
 
 @compiled
-def _fit_any(settings: Any, bank: Any, possible: int) -> bool:
-    """Fit tissue that stays, on a surface that sinks or breathes, or that varies.
-
-    False if none explains all, or if what the row in charge says of the surface, with the zeros as
-    they are, is likelier (`zero_rival`).
-
-    The smallest squares left over those of the noise are in zeros.misfit.
-    """
-    history, zeros, fit = bank.history, bank.zeros, bank.fit
-    first = histories.of_place(history)
-    last = history.points[(history.count - 1) % POINTS].time
-    span = last - history.points[first % POINTS].time
-    zeros.misfit = math.inf
-    row = bank.rows[bank.judge.chosen]
-    near = spline.first_in_reach(history, first, history.count)
-    if BREATHES[row.index]:
-        first = near  # all kinds are compared with what it says
-    rival, largest = -math.inf, histories.largest(history, first)
-    if span >= LEAST_TIME:
-        rival = zero_rival.evidence_of_surface(settings, bank, first)
-    # Rows begin anew at the given surface: from one that is far from it they would take seconds.
-    breathes = not SURFACE[row.index] or abs(row.state[OWN]) < LARGEST_SURFACE
-    # Where no row explains the force, none in charge is right about the surface.
-    breathes = breathes and (BREATHES[row.index] or row.model_error > 0.0)
-    breathes = breathes and possible & OF_FORCE != 0
-    air = 0.0, math.inf
-    if possible & OF_FORCE != 0:
-        noise, place = bank.sensor_noise[1], bank.air.place_variance
-        of_means = noise_color.of_means(bank.color[1], bank.noise[1], noise)
-        air = air_window.zero_of(bank.air.window, noise, of_means, place)
-    rival -= 0.5 * (air[0] / air[1]) ** 2
-    for kind in (STAYS, SINKS, MOVES, VARIES):
-        if kind == MOVES and not breathes:
-            continue
-        if span < (LEAST_TIME if kind == STAYS else LEAST_TIME_VARYING):
-            continue
-        spline.free_all(settings, fit)
-        if possible & OF_FORCE == 0:
-            fit.held[spline.FORCE_ZERO] = 1
-        fit.air_zero, fit.air_zero_deviation = air
-        begin = near if kind & (VARIES + MOVES) != 0 else first
-        if not spline.lay_out(history, fit, begin, history.count, kind):
-            continue
-        spline_start.begin(settings, history, fit, row)
-        explains = _explains(settings, bank)
-        if air[1] < math.inf and fit.values[spline.POSITION] < bank.air.window.mean[0]:
-            fit.air_zero_deviation = math.inf  # that was no air
-            spline_start.begin(settings, history, fit, row)
-            explains = _explains(settings, bank)
-        if explains:
-            if rival == -math.inf or kind == zero_rival.kind_in_charge(bank):
-                return True
-            return bool(rival < zero_rival.evidence_of_zeros(fit, zeros.squares, largest))
-    return False
-
-
-@compiled
-def _explains(settings: Any, bank: Any) -> bool:
-    """Fit from fit.values on; False if more than noise is left, or next to nothing else.
-
-    How much that is beyond noise alone goes into what the fit claims to know of the zeros.
-    """
-    zeros, fit, noise = bank.zeros, bank.fit, histories.noise_of_points(bank)
-    squares = solve_least_squares(settings, bank.history, fit, noise)
-    if not (math.isfinite(squares) and fit.expected > 0.0):
-        return False
-    zeros.squares = squares
-    left = squares / fit.expected
-    zeros.misfit = min(zeros.misfit, left)
-    zeros.inflation = left if left > CONSISTENT else 1.0
-    missed = max(left - 1.0, 0.0) * noise[1] * noise[2]
-    by_all = bank.rows[bank.judge.chosen].model_error
-    nearly = fit.kind == STAYS or missed < LEAST_SHARE * by_all
-    return bool(left < CONSISTENT or (left < NEARLY and nearly))
-
-
-@compiled
-def _explains_more(settings: Any, bank: Any, possible: int) -> bool:
-    """True if the last fit leaves less than one with the zeros in use.
+def _begin_as_they_are(settings: Any, bank: Any) -> None:
+    """Fit once more with the zeros in use: does that leave more?
 
     Tangents at the fit tell what other zeros would cost, but not where the fit ended in a valley of
     its own, as it may where the damping is next to unknown.
     """
-    fit, noise = bank.fit, histories.noise_of_points(bank)
-    cost = bank.zeros.squares + cost_of_air(fit)
-    spline_start.begin(settings, bank.history, fit, bank.rows[bank.judge.chosen])
+    fit, zeros = bank.fit, bank.zeros
+    zeros.cost_of_chosen = zeros.squares + cost_of_air(fit)
+    spline_start.begin(settings, bank.search.history, fit, bank.rows[bank.judge.chosen])
     for i in range(2):
         # Of a surface that sinks the position is unknown in any case.
-        if possible >> i & 1 != 0 and not (fit.kind == SINKS and i == 0):
+        if zeros.possible >> i & 1 != 0 and not (fit.kind == SINKS and i == 0):
             fit.held[spline.POSITION + i] = 1
             fit.values[spline.POSITION + i] = 0.0
-    without = solve_least_squares(settings, bank.history, fit, noise)
-    return not without + cost_of_air(fit) < cost + SIGNIFICANT
+    spline_descent.begin(settings, fit)
+    zeros.stage = AS_THEY_ARE
+
+
+@compiled
+def _take_them(bank: Any) -> bool:
+    """Use what was chosen, unless the zeros in use explain as much; as `look`."""
+    without = bank.fit.squares + cost_of_air(bank.fit)
+    if without < bank.zeros.cost_of_chosen + SIGNIFICANT:
+        bank.zeros.waiting = 0
+        return False
+    _use(bank)
+    return True
 
 
 @compiled
@@ -327,9 +311,9 @@ def _hold_others(fit: Any, unknown: int, moved: Any) -> None:
 
 
 @compiled
-def _is_possible(history: Any, zeros: Any, first: int) -> bool:
+def _is_possible(history: Any, zeros: Any) -> bool:
     """False for zeros that are too far off, or too little, to be moved."""
-    deepest, largest = histories.largest(history, first)
+    deepest, largest = histories.largest(history, histories.of_place(history))
     if abs(zeros.delay) > LARGEST_DELAY:
         return False
     if (
@@ -343,11 +327,9 @@ def _is_possible(history: Any, zeros: Any, first: int) -> bool:
 
 
 @compiled
-def _use(onset: Any, zeros: Any, unknown: int, sinks: bool, shown: float) -> None:
-    """Note by how much the zeros are to move, and what is then left open.
-
-    `shown` is the variance of ln K by these zeros, be they all that is off.
-    """
+def _use(bank: Any) -> None:
+    """Note by how much the zeros are to move, and what is then left open."""
+    zeros, onset, unknown = bank.zeros, bank.onset, bank.zeros.chosen
     zeros.unknown = unknown
     zeros.waiting = 0
     clear_vector(zeros.off)
@@ -356,7 +338,7 @@ def _use(onset: Any, zeros: Any, unknown: int, sinks: bool, shown: float) -> Non
     for i in range(2):
         zeros.moved[i] += onset.shift[i]
     onset.position_deviation = 0.0
-    if unknown & OF_POSITION != 0 and not sinks:
+    if unknown & OF_POSITION != 0 and bank.fit.kind != SINKS:
         onset.position_deviation = math.sqrt(max(zeros.covariance[0, 0], 0.0))
     if onset.in_air == 0:
         onset.force_deviation = math.nan
@@ -364,13 +346,14 @@ def _use(onset: Any, zeros: Any, unknown: int, sinks: bool, shown: float) -> Non
         onset.force_deviation = math.sqrt(max(zeros.covariance[1, 1], 0.0))
     copy_matrix(zeros.doubt_of_fit, zeros.doubt)
     zeros.deviation = math.sqrt(zeros.doubt[0, 0])
-    zeros.least = shown
+    zeros.least = zeros.shown
 
 
 @compiled
-def _review(bank: Any, clock: float) -> bool:
-    """Zeros that explain nothing for long any more go back to those given."""
-    zeros, onset = bank.zeros, bank.onset
+def _explain_nothing(bank: Any) -> bool:
+    """Zeros that explain nothing for long any more go back to those given; as `look`."""
+    zeros, onset, clock = bank.zeros, bank.onset, bank.zeros.looked_at
+    zeros.waiting = 0
     if zeros.unknown == NONE or not zeros.misfit > REFUTED:
         zeros.refuted_since = math.inf
         return False

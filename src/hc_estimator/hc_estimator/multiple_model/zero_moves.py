@@ -14,6 +14,7 @@ from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import air_window, delay_points, plausible
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model import history as histories
+from hc_estimator.multiple_model import search as searches
 from hc_estimator.multiple_model.hypotheses import DEPTH, OWN, SURFACE
 
 
@@ -45,7 +46,7 @@ def step_force(settings: Any, bank: Any, force: float, deviation: float, since: 
         deviation: of that [N].
         since: stamp of the first force after it [s].
     """
-    onset, finder, history = bank.onset, bank.delay, bank.history
+    onset, finder = bank.onset, bank.delay
     onset.zero[1] += force
     before = onset.force_deviation
     if math.isnan(before):
@@ -57,7 +58,7 @@ def step_force(settings: Any, bank: Any, force: float, deviation: float, since: 
     if finder.delay <= 0.0:
         bank.held.value -= force
     begun = since - finder.delay
-    histories.move(history, 0.0, force, begun - 0.5 * bank.clock.period, begun)
+    searches.move(bank, force, begun - 0.5 * bank.clock.period, begun)
     # Parabolas about the jump are of neither zero.
     grids.restart(finder)
     delay_points.forget(finder)

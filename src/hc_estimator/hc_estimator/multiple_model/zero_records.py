@@ -11,6 +11,10 @@ NONE, OF_POSITION, OF_FORCE, OF_DELAY = 0, 1, 2, 4
 BOTH = OF_POSITION + OF_FORCE
 ALL = BOTH + OF_DELAY
 
+# Of a search for zeros: what is being fitted. Tissue and surface of `zero_rival`; a kind of
+# `zero_kinds`, and that without what seemed to be air; the choice; the zeros as they are.
+IDLE, OF_RIVAL, OF_KIND, KIND_IN_AIR, OF_CHOICE, AS_THEY_ARE = range(6)
+
 # See `zero_fit`.
 ZEROS = record_type(
     (
@@ -49,5 +53,21 @@ ZEROS = record_type(
         Field("inflation", np.float64, (), 0.0),  # of the covariance of the last fit
         Field("squares", np.float64, (), 0.0),  # least squares that the last fit left
         Field("misfit", np.float64, (), finite=False),  # least squares left over the noise's
+        # Of a search that goes on (`zero_kinds`):
+        Field("stage", np.int64, (), 0, AS_THEY_ARE),
+        Field("possible", np.int64, (), 0, 3),  # zeros that may be off
+        Field("kind", np.int64, (), 0, 4),  # number of the one that is fitted
+        Field("first", np.int64, (), 0),  # number of the oldest point
+        Field("near", np.int64, (), 0),  # and of the oldest over which knots are close enough
+        Field("span", np.float64),  # time over all of them [s]
+        Field("breathes", np.int64, (), 0, 1),  # 1 if the surface may
+        # Zero of the force by what it reads in the air [N], and its deviation [N].
+        Field("air_zero", np.float64),
+        Field("air_deviation", np.float64, (), 0.0, finite=False),
+        Field("rival", np.float64, (), finite=False),  # log evidence of the row in charge
+        Field("in_charge", np.int64, (), -1, 63),  # and the kind that says the same
+        Field("chosen", np.int64, (), 0, 3),  # zeros that the points ask for
+        Field("shown", np.float64),  # variance of ln K by these
+        Field("cost_of_chosen", np.float64, (), finite=False),  # squares that they leave
     )
 )

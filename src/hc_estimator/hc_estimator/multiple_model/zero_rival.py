@@ -14,11 +14,10 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model import spline, spline_start
+from hc_estimator.multiple_model import spline, spline_descent, spline_start
 from hc_estimator.multiple_model.hypotheses import BREATHES
-from hc_estimator.multiple_model.moving_fit import KINDS_OF
-from hc_estimator.multiple_model.spline_fit import CONSISTENT, solve_least_squares
+from hc_estimator.multiple_model.moving_rows import KINDS_OF
+from hc_estimator.multiple_model.spline_fit import CONSISTENT
 from hc_estimator.multiple_model.spline_prior import log_evidence
 from hc_estimator.multiple_model.zero_average import LIKELY_POSITION, LIKELY_ZERO
 
@@ -30,28 +29,35 @@ def kind_in_charge(bank: Any) -> int:
 
 
 @compiled
-def evidence_of_surface(settings: Any, bank: Any, first: int) -> float:
-    """Logarithm of the evidence for what the row in charge says, if its surface may breathe.
+def begin(settings: Any, bank: Any, first: int) -> bool:
+    """Begin to fit what the row in charge says; False if its surface may not breathe.
 
     Args:
         settings: settings record.
-        bank: its record `fit` is changed, and the weights of the points.
+        bank: its record `fit` is changed; `search` has begun.
         first: number of the oldest point.
-
-    Returns:
-        Minus infinity for another row, or where it leaves more than noise.
     """
-    history, fit, row = bank.history, bank.fit, bank.rows[bank.judge.chosen]
+    history, fit, row = bank.search.history, bank.fit, bank.rows[bank.judge.chosen]
     if not BREATHES[row.index] or row.model_error > 0.0:
-        return -math.inf
+        return False
     kind = kind_in_charge(bank)
     if not spline.lay_out_at_zeros(settings, history, fit, first, history.count, kind):
-        return -math.inf
+        return False
     spline_start.begin(settings, history, fit, row)
-    squares = solve_least_squares(settings, history, fit, histories.noise_of_points(bank))
-    if not squares < CONSISTENT * fit.expected:
+    spline_descent.begin(settings, fit)
+    return True
+
+
+@compiled
+def evidence_of_surface(fit: Any) -> float:
+    """Logarithm of the evidence of that fit, once it is solved; its matrix `seen` is overwritten.
+
+    Returns:
+        Minus infinity where it leaves more than noise.
+    """
+    if not fit.squares < CONSISTENT * fit.expected:
         return -math.inf
-    return log_evidence(fit, squares)
+    return log_evidence(fit, fit.squares)
 
 
 @compiled
@@ -59,7 +65,7 @@ def evidence_of_zeros(fit: Any, squares: float, largest: tuple[float, float]) ->
     """Logarithm of the evidence for the zeros of a fit that is solved.
 
     Args:
-        fit: as `solve_least_squares` left it, any zero being as likely in it; overwritten.
+        fit: solved, any zero being as likely in it; overwritten.
         squares: weighted sum of squares.
         largest: depth [mm] and force [N].
     """
