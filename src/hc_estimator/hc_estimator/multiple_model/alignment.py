@@ -19,6 +19,7 @@ from hc_estimator.multiple_model import (
     another_place,
     batch_fit,
     beginning,
+    delay_candidates,
     delay_evidence,
     delay_points,
     delay_sensitivity,
@@ -300,6 +301,13 @@ def _go_on_searching(settings: Any, bank: Any) -> None:
     """Take the steps that are due of what least squares are asked, and use what they find."""
     searches.let_time_pass(bank)
     while searches.is_due(bank):
+        searches.spend(bank)
+        if bank.delay.stage != 0:
+            if delay_candidates.go_on(settings, bank.delay) and math.isnan(settings.channel_delay):
+                before = bank.delay.delay
+                changes = delays.take_fit(settings, bank.delay)
+                _use_delay(settings, bank, before, changes, False)
+            continue
         if not searches.take_step(settings, bank):
             continue
         if bank.zeros.stage != 0:
@@ -334,16 +342,36 @@ def _correct_delay(bank: Any, change: float) -> None:
 
 
 @compiled
+def _believed(bank: Any) -> Any:
+    """Row whose innovations say of the delay: the filter's own, not the fit beside it."""
+    return bank.rows[0 if bank.judge.chosen <= FITTED else bank.judge.chosen]
+
+
+@compiled
 def _look_for_delay(settings: Any, bank: Any) -> None:
     """Let the finder take the full window; begin anew with a delay that it has found."""
-    finder, rows, noise = bank.delay, bank.rows, bank.sensor_noise
+    finder, rows = bank.delay, bank.rows
     before = finder.delay
-    # What the innovations say is of the filter's own row, not of the fit beside it.
-    row = rows[0 if bank.judge.chosen <= FITTED else bank.judge.chosen]
+    row = _believed(bank)
     moves = moving_delay.has_moved(bank.moving, bank.tool.contact_clock)
     by_innovations = settings.delay_by_innovations != 0 and not moves
     refined = by_innovations and delay_evidence.learn(finder, rows, row)
-    changes = delays.learn_window(settings, finder, noise, moves)
+    changes = delays.learn_window(settings, finder, bank.sensor_noise, moves)
+    _use_delay(settings, bank, before, changes, refined)
+
+
+@compiled
+def _use_delay(settings: Any, bank: Any, before: float, changes: bool, refined: bool) -> None:
+    """Begin anew with a delay that was found, or go on with one that is known better.
+
+    Args:
+        settings: settings record.
+        bank: changed.
+        before: delay that was in use [s].
+        changes: True if the fit of all points says another.
+        refined: True if the innovations do.
+    """
+    finder, rows = bank.delay, bank.rows
     if not (changes or refined):
         return
     change = finder.delay - before
@@ -354,5 +382,5 @@ def _look_for_delay(settings: Any, bank: Any) -> None:
     if refined:
         delay_sensitivity.correct(rows, change)
     if not changes:
-        delay_evidence.note_fit(finder, row)
+        delay_evidence.note_fit(finder, _believed(bank))
     _begin_with_delay(settings, bank)

@@ -31,7 +31,7 @@ from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model.delay_candidates import LEAD
 from hc_estimator.multiple_model.delay_evidence import CORRECTION, FAR
 from hc_estimator.multiple_model.delay_points import count_of
-from hc_estimator.multiple_model.delay_records import CANDIDATES
+from hc_estimator.multiple_model.delay_records import CANDIDATES, IDLE
 
 APART = 0.012  # delays further apart are rivals [s]
 RIVAL = 4.0  # log likelihood ratio to the best rival
@@ -88,7 +88,8 @@ def begin_with_zeros(finder: Any) -> None:
 def learn_window(settings: Any, finder: Any, sensor_noise: Any, moves: bool) -> bool:
     """Take a full window into what is known; True if the delay in use is to change.
 
-    The new delay is then finder.delay, and K, B and n at it are finder.fit.
+    The new delay is then finder.delay, and K, B and n at it are finder.fit. Mostly a fit begins,
+    which says so once it has ended (`take_fit`).
 
     Args:
         settings: settings record.
@@ -98,22 +99,45 @@ def learn_window(settings: Any, finder: Any, sensor_noise: Any, moves: bool) -> 
     """
     if delay_points.find_contact(finder) < max(LEAST_CONTACT * finder.points, FEWEST_IN_CONTACT):
         return False
+    while finder.stage != IDLE:  # where readings are lost there may have been no time for it
+        delay_candidates.go_on(settings, finder)
     finder.windows += 1
     smoothing.smooth(finder)
     _take_points(finder, sensor_noise)
     count = count_of(finder)
     if count >= FEWEST and finder.kept - finder.fitted >= NEW * count:
         finder.fitted = finder.kept
+        finder.ways = delay_points.count_ways(finder)
+        if finder.ways >= WAYS:
+            finder.moves = 1 if moves else 0
+            delay_candidates.begin(settings, finder, finder.ways > WAYS)
+            return False
         finder.clear = 0
-        ways = delay_points.count_ways(finder)
-        if ways >= WAYS:
-            delay_candidates.fit(settings, finder, count, ways > WAYS)
-            found, deviation = _clear_delay(finder, count)
-            if deviation > 0.0 and _is_asked(finder, count, ways, moves, found, deviation):
-                finder.clear = 1
-                finder.found, finder.found_deviation, finder.found_of = found, deviation, count
-            elif count >= finder.found_of:
-                finder.found_deviation = 0.0
+    return _conclude(settings, finder)
+
+
+@compiled
+def take_fit(settings: Any, finder: Any) -> bool:
+    """Take what the fit that has ended says; as `learn_window`.
+
+    Args:
+        settings: settings record.
+        finder: changed.
+    """
+    count = count_of(finder)
+    finder.clear = 0
+    found, deviation = _clear_delay(finder, count)
+    if deviation > 0.0 and _is_asked(finder, count, found, deviation):
+        finder.clear = 1
+        finder.found, finder.found_deviation, finder.found_of = found, deviation, count
+    elif count >= finder.found_of:
+        finder.found_deviation = 0.0
+    return _conclude(settings, finder)
+
+
+@compiled
+def _conclude(settings: Any, finder: Any) -> bool:
+    """Use the delay that the last fit has said, if it is to be; as `learn_window`."""
     if finder.clear != 0 and (_leads(settings, finder) or _is_finer(finder)):
         finder.delay = finder.found
         finder.deviation = finder.found_deviation
@@ -126,25 +150,22 @@ def learn_window(settings: Any, finder: Any, sensor_noise: Any, moves: bool) -> 
 
 
 @compiled
-def _is_asked(
-    finder: Any, count: int, ways: int, moves: bool, found: float, deviation: float
-) -> bool:
+def _is_asked(finder: Any, count: int, found: float, deviation: float) -> bool:
     """True if what was fitted can say a delay: nothing else is known to explain it.
 
     Args:
         finder: with the fits.
         count: number of points.
-        ways: that the tool has gone.
-        moves: True if the surface moves, so that one for each half second says nothing.
         found: delay that the fits say clearly [s].
         deviation: of it [s].
     """
     if finder.varies != 0:
-        return not moves and delay_points.go_both_ways(finder)
+        # Beneath a surface that moves one for each half second says nothing.
+        return finder.moves == 0 and delay_points.go_both_ways(finder)
     # What is left of two ways by a law at the zeros as given may be of zeros that are off: that
     # looks like a delay, and not like none.
     none = finder.delay == 0.0 and abs(found) < BEGINS * deviation
-    return bool(ways > WAYS or finder.left[CANDIDATES] < FITS * count or none)
+    return bool(finder.ways > WAYS or finder.left[CANDIDATES] < FITS * count or none)
 
 
 @compiled

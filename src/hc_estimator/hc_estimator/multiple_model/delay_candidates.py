@@ -2,8 +2,8 @@
 
 With one K for all points and the zeros as given; where that leaves far more than noise, with a
 surface that is elsewhere, sinks or rises, and a force zero; where that does as well, with a K and a
-surface for each half second (`delay_fit`, `delay_equations`). What it says of the delay is for
-`delay`.
+surface for each half second (`delay_fit`, `delay_equations`). These are some dozens of fits, which
+go on one by one over the samples that follow (`search`). What they say of the delay is for `delay`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,17 @@ from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import copy_vector
 from hc_estimator.multiple_model import delay_equations, delay_fit, delay_points
 from hc_estimator.multiple_model.delay_fit import STEPS
-from hc_estimator.multiple_model.delay_records import AT_ZEROS, CANDIDATES
+from hc_estimator.multiple_model.delay_points import count_of
+from hc_estimator.multiple_model.delay_records import (
+    AT_ZEROS,
+    CANDIDATES,
+    FITTED_ALIKE,
+    FITTED_ALL,
+    FITTED_FIRST,
+    FITTED_ONE,
+    FITTED_ZEROS,
+    IDLE,
+)
 
 LEAD = 8.0  # log likelihood ratio to what is in use, zeros or delay
 ONE = 4.0  # squares that are left, over those of the noise, up to which one K is enough
@@ -27,80 +37,132 @@ FIRST_STEPS = 6  # of a fit that begins anew
 
 
 @compiled
-def fit(settings: Any, finder: Any, count: int, many_ways: bool) -> None:
-    """Fit the law at every candidate: with one K, or where that leaves too much with many.
+def begin(settings: Any, finder: Any, many_ways: bool) -> None:
+    """Begin to fit the law at every candidate to the points that are kept; `go_on` goes on.
 
     Args:
         settings: settings record.
-        finder: law and left of the candidates, what the slot CANDIDATES holds, varies and zeros are
-            set.
-        count: number of points.
+        finder: changed.
         many_ways: True if the tool has gone so many that one K may have zeros of its own.
     """
-    varied = finder.varies
+    finder.many_ways = 1 if many_ways else 0
+    finder.varied = finder.varies
     finder.varies = 0
     if finder.fits == 0:
-        varied = 0
+        finder.varied = 0
         finder.zeros = 0
         finder.chosen = CANDIDATES // 2
-        _begin(settings, finder)
-        _improve(settings, finder, FIRST_STEPS, True)
-    elif finder.zeros != 0:
+        _begin_laws(settings, finder)
+        _sweep(settings, finder, FIRST_STEPS, True, FITTED_FIRST)
+        return
+    if finder.zeros != 0:
         delay_equations.keep_surface(finder)
-    delay_equations.keep_laws(finder)
-    best = finder.chosen
-    if varied != 0:  # has it one K by now?
-        _choose_zeros(finder, many_ways)
-        delay_points.shift(finder, 0.0)
-        delay_equations.weigh(finder, best)
-        delay_fit.improve(settings, finder, best, best, best, FIRST_STEPS)
-        delay_fit.find_zero(settings, finder)
-        varied = 1 if finder.left[CANDIDATES] > ONE * count else 0
-    if varied == 0:
-        _choose_zeros(finder, finder.zeros != 0 and many_ways)
-        _improve(settings, finder, STEPS, False)
-        if finder.zeros != 0 and not finder.left[CANDIDATES] < ZEROS_FIT * count:
-            _choose_zeros(finder, False)
-            _improve(settings, finder, FIRST_STEPS, False)
-        elif finder.zeros == 0 and many_ways:
-            _ask_for_zeros(settings, finder, count)
-        varied = 1 if finder.left[CANDIDATES] > VARYING * count else 0
-    alike = finder.left[CANDIDATES]
-    if varied != 0:
-        # A law that does not fit says nothing of zeros, and is far from what tissue is like.
-        delay_equations.take_back_laws(finder)
-        finder.chosen = best
-        _choose_zeros(finder, False)
-        finder.varies = 1
-        delay_points.shift(finder, 0.0)
-        delay_fit.improve(settings, finder, best, best, best, FIRST_STEPS)
-        delay_fit.find_zero(settings, finder)
-        if not finder.left[CANDIDATES] < LEAST_GAIN * alike:
-            finder.varies = 0
-        _improve(settings, finder, STEPS, False)
-    fits = finder.varies != 0 or finder.left[CANDIDATES] < VARYING * count
-    finder.fits = 1 if fits else 0
+    finder.stage = FITTED_FIRST
 
 
 @compiled
-def _ask_for_zeros(settings: Any, finder: Any, count: int) -> None:
+def go_on(settings: Any, finder: Any) -> bool:
+    """Fit one candidate; True once all that is to be asked of the points was.
+
+    Args:
+        settings: settings record.
+        finder: begun. In the end law and left of the candidates, what the slot CANDIDATES holds,
+            varies, fits and zeros are set.
+    """
+    stage = finder.stage
+    if finder.side != 0:
+        _fit_next(settings, finder)
+    elif stage == FITTED_FIRST:
+        _begin_with_last(settings, finder)
+    elif stage == FITTED_ONE:
+        _ask_for_zeros(settings, finder)
+    elif stage == FITTED_ZEROS:
+        _judge_zeros(settings, finder)
+    elif stage == FITTED_ALIKE:
+        _ask_for_many(settings, finder)
+    elif stage == FITTED_ALL:
+        left = finder.left[CANDIDATES]
+        fits = finder.varies != 0 or left < VARYING * count_of(finder)
+        finder.fits = 1 if fits else 0
+        finder.stage = IDLE
+    return bool(finder.stage == IDLE)
+
+
+@compiled
+def _begin_with_last(settings: Any, finder: Any) -> None:
+    """Fit one K for all points; where half seconds had their own, if one is enough by now."""
+    delay_equations.keep_laws(finder)
+    finder.best = finder.chosen
+    many_ways = finder.many_ways != 0
+    if finder.varied != 0:
+        _choose_zeros(finder, many_ways)
+        delay_points.shift(finder, 0.0)
+        best = finder.best
+        delay_equations.weigh(finder, best)
+        delay_fit.improve(settings, finder, best, best, best, FIRST_STEPS)
+        delay_fit.find_zero(settings, finder)
+        if finder.left[CANDIDATES] > ONE * count_of(finder):
+            finder.stage = FITTED_ALIKE
+            return
+    finder.varied = 0
+    _choose_zeros(finder, finder.zeros != 0 and many_ways)
+    _sweep(settings, finder, STEPS, False, FITTED_ONE)
+
+
+@compiled
+def _ask_for_zeros(settings: Any, finder: Any) -> None:
+    """Let the zeros be as they were given where the law does not fit, or else unknown."""
+    finder.stage = FITTED_ALIKE
+    if finder.zeros != 0:
+        if not finder.left[CANDIDATES] < ZEROS_FIT * count_of(finder):
+            _choose_zeros(finder, False)
+            _sweep(settings, finder, FIRST_STEPS, False, FITTED_ALIKE)
+    elif finder.many_ways != 0:
+        finder.without = finder.left[CANDIDATES]
+        finder.without_at = finder.chosen
+        delay_equations.keep_laws(finder)
+        _choose_zeros(finder, True)
+        _sweep(settings, finder, FIRST_STEPS, False, FITTED_ZEROS)
+
+
+@compiled
+def _judge_zeros(settings: Any, finder: Any) -> None:
     """Let the zeros be unknown where that is far likelier, and the law then fits.
 
     Zeros take up what no law explains as well, and a delay with them: of a robot that gives way 4.5
     ms were found in step, with 4 to 8 times the squares of the noise left. Where zeros are what is
     wrong, 0.8 to 2.4 are.
     """
-    before, best = finder.left[CANDIDATES], finder.chosen
-    delay_equations.keep_laws(finder)
-    _choose_zeros(finder, True)
-    _improve(settings, finder, FIRST_STEPS, False)
-    after = finder.left[CANDIDATES]
-    likelier = 0.5 * (before - after) > LEAD * max(after / count, 1.0)
+    count, after = count_of(finder), finder.left[CANDIDATES]
+    finder.stage = FITTED_ALIKE
+    likelier = 0.5 * (finder.without - after) > LEAD * max(after / count, 1.0)
     if not (likelier and after < ZEROS_FIT * count):
         delay_equations.take_back_laws(finder)
-        finder.chosen = best
+        finder.chosen = finder.without_at
         _choose_zeros(finder, False)
-        _improve(settings, finder, STEPS, False)
+        _sweep(settings, finder, STEPS, False, FITTED_ALIKE)
+
+
+@compiled
+def _ask_for_many(settings: Any, finder: Any) -> None:
+    """Let each half second have a K of its own where one leaves too much.
+
+    A law that does not fit says nothing of zeros, and is far from what tissue is like.
+    """
+    alike, best = finder.left[CANDIDATES], finder.best
+    finder.stage = FITTED_ALL
+    if finder.varied == 0 and not alike > VARYING * count_of(finder):
+        return
+    delay_equations.take_back_laws(finder)
+    finder.chosen = best
+    _choose_zeros(finder, False)
+    finder.varies = 1
+    delay_points.shift(finder, 0.0)
+    delay_fit.improve(settings, finder, best, best, best, FIRST_STEPS)
+    delay_fit.find_zero(settings, finder)
+    if not finder.left[CANDIDATES] < LEAST_GAIN * alike:
+        finder.varies = 0
+    _sweep(settings, finder, STEPS, False, FITTED_ALL)
 
 
 @compiled
@@ -114,7 +176,7 @@ def _choose_zeros(finder: Any, unknown: bool) -> None:
 
 
 @compiled
-def _begin(settings: Any, finder: Any) -> None:
+def _begin_laws(settings: Any, finder: Any) -> None:
     """First law of no delay: with the usual damping and p, and the n that leaves least."""
     centre = CANDIDATES // 2
     law, trial, best = finder.law[centre], finder.trial, math.inf
@@ -133,8 +195,8 @@ def _begin(settings: Any, finder: Any) -> None:
 
 
 @compiled
-def _improve(settings: Any, finder: Any, steps: int, anew: bool) -> None:
-    """Improve the law of every candidate, outwards from the one that left least so far.
+def _sweep(settings: Any, finder: Any, steps: int, anew: bool, stage: int) -> None:
+    """Begin to improve the law of every candidate, outwards from the one that left least so far.
 
     Args:
         settings: settings record.
@@ -142,25 +204,42 @@ def _improve(settings: Any, finder: Any, steps: int, anew: bool) -> None:
         steps: of each, at most.
         anew: True if a candidate begins with the law of the one next to it; else with that only
             where it leaves less than its own.
+        stage: that is reached in the end.
     """
-    centre, first = CANDIDATES // 2, finder.chosen
+    first = finder.chosen
     delay_points.shift(finder, 0.0)
     delay_equations.weigh(finder, first)
     if finder.varies != 0:
         delay_equations.temper(settings, finder, first)
     delay_fit.improve(settings, finder, first, first, first, steps)
-    finder.chosen = first
-    for side in (1, -1):
-        for away in range(1, 2 * finder.reach + 1):
-            j = first + side * away
-            if abs(j - centre) > finder.reach:
-                break
-            if anew:
-                copy_vector(finder.law[j - side], finder.law[j])
-            delay_fit.improve(settings, finder, j, j, j if anew else j - side, steps)
-            if delay_fit.least_near(finder, j) < delay_fit.least_near(finder, finder.chosen):
-                finder.chosen = j
-    delay_fit.find_zero(settings, finder)
+    finder.begun_at = first
+    finder.steps = steps
+    finder.anew = 1 if anew else 0
+    finder.side = 1
+    finder.away = 1
+    finder.stage = stage
+
+
+@compiled
+def _fit_next(settings: Any, finder: Any) -> None:
+    """Improve the law of the next candidate, or end with what is between them."""
+    centre, side = CANDIDATES // 2, finder.side
+    j = finder.begun_at + side * finder.away
+    if abs(j - centre) > finder.reach:
+        if side == 1:
+            finder.side = -1
+            finder.away = 1
+        else:
+            finder.side = 0
+            delay_fit.find_zero(settings, finder)
+        return
+    anew = finder.anew != 0
+    if anew:
+        copy_vector(finder.law[j - side], finder.law[j])
+    delay_fit.improve(settings, finder, j, j, j if anew else j - side, finder.steps)
+    if delay_fit.least_near(finder, j) < delay_fit.least_near(finder, finder.chosen):
+        finder.chosen = j
+    finder.away += 1
 
 
 @compiled

@@ -12,7 +12,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import smoothing
-from hc_estimator.multiple_model.delay_records import CANDIDATES, DELAY_POINTS, GRID
+from hc_estimator.multiple_model.delay_records import CANDIDATES, DELAY_POINTS, GRID, IDLE
 
 LEAST_DEPTH = 0.05  # [mm]
 SLOWEST = 1e-3  # speed that is kept at least [mm/s]
@@ -62,6 +62,17 @@ def fit_anew(finder: Any) -> None:
     finder.fitted = 0
     finder.clear = 0
     finder.fits = 0
+    _end_fit(finder)
+
+
+@compiled
+def _end_fit(finder: Any) -> None:
+    """A fit that goes on is of points that are others now; the next window begins one."""
+    if finder.stage != IDLE:
+        finder.stage = IDLE
+        finder.side = 0
+        finder.fitted = 0
+        finder.fits = 0
 
 
 @compiled
@@ -74,6 +85,7 @@ def move(finder: Any, displacement: float, force: float) -> None:
             candidate.displacement -= displacement
         for i in range(4):
             kept_point.forces[i] -= force
+    _end_fit(finder)
 
 
 @compiled

@@ -65,6 +65,9 @@ KEPT_POINT = record_type(
     )
 )
 
+# What was fitted last: each candidate by itself; one K; zeros beside it; one K, finally; all.
+IDLE, FITTED_FIRST, FITTED_ONE, FITTED_ZEROS, FITTED_ALIKE, FITTED_ALL = range(6)
+
 # By how much is the force late?
 DELAY = record_type(
     (
@@ -108,6 +111,20 @@ DELAY = record_type(
         Field("kept_from", np.int64, (), 0),  # grid_count from which on it is this tissue
         # The fit to them; see `delay_fit`.
         Field("fitted", np.int64, (), 0),  # points at the last fit
+        Field("stage", np.int64, (), 0, FITTED_ALL),  # of a fit that goes on
+        Field("many_ways", np.int64, (), 0, 1),  # 1 if one K may have zeros of its own
+        Field("ways", np.int64, (), 0),  # that the tool has gone
+        Field("moves", np.int64, (), 0, 1),  # 1 if the surface moves
+        Field("varied", np.int64, (), 0, 1),  # varies, before it
+        Field("best", np.int64, (), 0, CANDIDATES - 1),  # and chosen
+        Field("without", np.float64, (), finite=False),  # squares that are left without zeros
+        Field("without_at", np.int64, (), 0, CANDIDATES - 1),
+        # From candidate to candidate: side that is next (0: neither), how far, from which.
+        Field("side", np.int64, (), -1, 1),
+        Field("away", np.int64, (), 0),
+        Field("begun_at", np.int64, (), 0, CANDIDATES - 1),
+        Field("steps", np.int64, (), 0),  # of each, at most
+        Field("anew", np.int64, (), 0, 1),  # 1 if it begins with the law of the one before
         Field("clear", np.int64, (), 0, 1),  # 1 if it said a delay clearly
         Field("fits", np.int64, (), 0, 1),  # 1 if the best of it leaves no more than noise
         Field("varies", np.int64, (), 0, 1),  # 1 if each window has a K of its own

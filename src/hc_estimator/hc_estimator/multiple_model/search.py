@@ -1,11 +1,13 @@
 """Least squares that take longer than a sample: asked of the points of one moment, step by step.
 
-What the zeros are (`zero_fit`) and what tissue and surface do (`moving_fit`) takes dozens of steps
-of a third of a millisecond. Taken at once, a sensor of 1 kHz waited for thirty of its readings. So
-a search keeps the points as they were when it began, and takes a step for each millisecond that has
-passed by the stamps: as many at any rate, and the same whether a recording is replayed or live.
-One search goes on at a time. Zeros and delays that move meanwhile move its points as well; where
-the tissue is another from now on it ends. (Ours; `hc bench speed` has the longest sample.)
+What the zeros are (`zero_fit`), what tissue and surface do (`moving_fit`) and what is late
+(`delay`) takes dozens of steps of a third of a millisecond. Taken at once, a sensor of 1 kHz waited
+for thirty of its readings. So one step is taken for each millisecond that has passed by the stamps:
+as many at any rate, and the same whether a recording is replayed or live.
+
+The first two go on one at a time, and keep the points as they were when they began. Zeros and
+delays that move meanwhile move these as well; where the tissue is another from now on they end.
+(Ours; `docs/evidence/performance.md` has the longest sample.)
 """
 
 from __future__ import annotations
@@ -18,7 +20,6 @@ from hc_estimator.multiple_model import spline, spline_descent
 from hc_estimator.multiple_model.spline_records import PASS_BEGINS, SOLVED
 
 STEP_TIME = 0.001  # that passes for each step [s]
-LONGEST = 0.1  # time that counts at once: after a gap there are no more steps than that [s]
 
 
 @compiled
@@ -35,8 +36,6 @@ def begin(bank: Any) -> None:
     noise = histories.noise_of_points(bank)
     for i in range(3):
         search.noise[i] = noise[i]
-    search.time = bank.clock.state_time
-    search.credit = max(bank.clock.period - STEP_TIME, 0.0)  # there is time until the next sample
 
 
 @compiled
@@ -50,26 +49,30 @@ def end(bank: Any) -> None:
 def let_time_pass(bank: Any) -> None:
     """There is time for more steps."""
     search, now = bank.search, bank.clock.state_time
-    search.credit = min(search.credit + max(now - search.time, 0.0), LONGEST)
+    most = max(bank.clock.period + 0.5 * STEP_TIME, STEP_TIME)
+    search.credit = min(search.credit + max(now - search.time, 0.0), most)
     search.time = now
 
 
 @compiled
 def is_due(bank: Any) -> bool:
-    """True if there is time for a step of a search; one of a tissue that was left is given up."""
-    if not is_busy(bank):
-        return False
-    if bank.search.history.version != bank.history.version:
+    """True if there is time for a step, and one to take; a tissue that was left is given up."""
+    if is_busy(bank) and bank.search.history.version != bank.history.version:
         end(bank)
-        return False
-    return bool(bank.search.credit >= STEP_TIME)
+    waits = bank.delay.stage != 0 or is_busy(bank)
+    return bool(waits and bank.search.credit >= STEP_TIME)
+
+
+@compiled
+def spend(bank: Any) -> None:
+    """A step takes its time."""
+    bank.search.credit -= STEP_TIME
 
 
 @compiled
 def take_step(settings: Any, bank: Any) -> bool:
     """Take a step; True once the fit is solved."""
     search = bank.search
-    search.credit -= STEP_TIME
     noise = search.noise[0], search.noise[1], search.noise[2]
     return spline_descent.go_on(settings, search.history, bank.fit, noise)
 
