@@ -14,15 +14,12 @@ from hc_estimator.adaptation import difference_noise
 from hc_estimator.multiple_model import (
     beginning,
     change,
-    history,
     levels,
     maneuver,
-    moving_fit,
     plausible,
 )
 from hc_estimator.multiple_model.hypotheses import FRESH, OWN, STEADY_SURFACE_ROW
 from hc_estimator.multiple_model.model_error import LARGEST_MODEL_ERROR
-from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import let_surface_move
 from hc_evaluation.accuracy.drawn_contact import drawn_contact
 
@@ -117,19 +114,6 @@ def test_one_sample_that_goes_back_after_a_clock_that_did_is_a_single_one(record
 
 
 # Points
-
-
-def test_a_search_for_what_moves_begins_anew_when_the_points_get_new_numbers(running):
-    """At five seconds of contact every second one is forgotten: it went on with the old numbers."""
-    settings, bank = running
-    bank.tool.retreated, bank.judge.needed_time, bank.change.testing = 1, 1.0, 0
-    bank.history.count = POINTS
-    bank.history.points[:]["time"] = 0.01 * np.arange(POINTS)
-    bank.moving.stage, bank.moving.last, bank.moving.looked_at = 3, POINTS - 2, 4.9
-    history._thin_out(bank.history)
-    assert bank.history.count == POINTS // 2
-    moving_fit.look(settings, bank)
-    assert (bank.moving.stage, bank.moving.looked_at) == (0, -math.inf)
 
 
 @pytest.mark.parametrize("seed", [50, 53, 56, 58, 61])

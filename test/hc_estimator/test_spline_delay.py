@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from hc_estimator.multiple_model import moving_delay, spline, spline_fit, spline_prior
+from hc_estimator.multiple_model import (
+    moving_delay,
+    spline,
+    spline_descent,
+    spline_fit,
+    spline_prior,
+)
 from hc_estimator.multiple_model.spline_records import MOVES, STAYS
 
 COUNT, SPACING = 400, 0.02  # of the points of `filled` (conftest.py)
@@ -37,7 +43,7 @@ def test_what_is_late_in_step_costs_what_its_posterior_says(filled):
     for held in (0, 1):
         fit.held[spline.DELAY] = held
         fit.values[spline.DELAY] = 0.0
-        squares = spline_fit.solve_least_squares(settings, history, fit, noise)
+        squares = spline_descent.solve_least_squares(settings, history, fit, noise)
         cost = moving_delay.cost_of_none(fit)
         evidence.append(spline_prior.log_evidence(fit, squares) - cost)
     assert evidence[0] == pytest.approx(evidence[1], abs=0.05)
@@ -54,6 +60,6 @@ def test_a_delay_between_two_points_is_found(late, filled):
     assert spline.lay_out(history, fit, 1, COUNT - 1, MOVES)  # no spline goes beyond its ends
     fit.spacing = SPACING
     fit.delay_deviation = 0.03
-    squares = spline_fit.solve_least_squares(settings, history, fit, NOISE)
+    squares = spline_descent.solve_least_squares(settings, history, fit, NOISE)
     assert squares < fit.expected
     assert fit.values[spline.DELAY] == pytest.approx(late, abs=1e-4)

@@ -7,6 +7,7 @@ from scipy.optimize import least_squares
 
 from hc_estimator.multiple_model import (
     spline,
+    spline_descent,
     spline_fit,
     spline_outcome,
     spline_prior,
@@ -122,9 +123,9 @@ def test_its_step_follows_the_bend_of_the_valley(filled):
 
     before = cost(values)
     spline_prior.add_prior(fit, values)
-    assert spline_fit.step(fit, values, 1e-3, fit.unknowns)
+    assert spline_descent.step(fit, values, 1e-3, fit.unknowns)
     straight = np.array(fit.next)
-    spline_fit._follow_bend(settings, history, fit, values)
+    spline_fit.follow_bend(settings, history, fit, values)
     bent = np.array(fit.next)
     assert np.any(bent != straight)
     assert cost(bent) < 0.5 * min(before, cost(straight))
@@ -132,7 +133,7 @@ def test_its_step_follows_the_bend_of_the_valley(filled):
 
 def test_what_was_not_seen_since_the_latest_point_is_not_known(filled, parts):
     settings, history, fit, _ = filled(MOVES, with_zeros=False)
-    spline_fit.solve_least_squares(settings, history, fit, NOISE)
+    spline_descent.solve_least_squares(settings, history, fit, NOISE)
     moving = parts[1].moving
     deviations = []
     for age in (0.0, 0.3):
@@ -148,7 +149,7 @@ def test_what_was_not_seen_since_the_latest_point_is_not_known(filled, parts):
 def test_it_finds_what_is_true(kind, filled):
     zeros_off = kind in (STAYS, VARIES, SINKS)
     settings, history, fit, (level, surface, exponent) = filled(kind, with_zeros=zeros_off)
-    squares = spline_fit.solve_least_squares(settings, history, fit, NOISE)
+    squares = spline_descent.solve_least_squares(settings, history, fit, NOISE)
     assert squares < fit.expected
     values = fit.values
     if zeros_off:
@@ -194,7 +195,7 @@ def test_its_prior_is_the_sum_of_its_terms(filled):
 @pytest.mark.parametrize("kind", [STAYS, RELAXES, VARIES, VARIES + MOVES])
 def test_its_evidence_is_laplaces(kind, filled):
     settings, history, fit, _ = filled(kind, with_zeros=False)
-    squares = spline_fit.solve_least_squares(settings, history, fit, NOISE)
+    squares = spline_descent.solve_least_squares(settings, history, fit, NOISE)
     free = np.flatnonzero(
         np.concatenate([fit.fixed == 0, np.ones(fit.unknowns - SPLINE_FIRST, bool)])
     )
@@ -215,7 +216,7 @@ def test_its_rates_wander_as_is_likeliest(kind, which, filled):
     """About the fit, in numpy, the evidence is largest at the wandering that it has learned."""
     settings, history, fit, _ = filled(kind, with_zeros=False)
     history.points[:COUNT]["force"] += 1e-3 * np.random.default_rng(3).standard_normal(COUNT)
-    spline_fit.solve_least_squares(settings, history, fit, NOISE)
+    spline_descent.solve_least_squares(settings, history, fit, NOISE)
     usual = (spline_prior.OWN_WALKS[spline_prior.TREND_ROW, 0], spline_prior.SURFACE_WALK)[which]
     learned = float(fit.wandering[which])
     assert usual / spline_prior.CALMER < learned < usual * spline_prior.WILDER
@@ -255,7 +256,7 @@ def test_another_solver_comes_to_the_same(filled):
     """Scipy's least squares on the same cost, with prior and roughness, in numpy."""
     settings, history, fit, _ = filled(VARIES)
     history.points[:COUNT]["force"] += 1e-3 * np.random.default_rng(3).standard_normal(COUNT)
-    spline_fit.solve_least_squares(settings, history, fit, NOISE)
+    spline_descent.solve_least_squares(settings, history, fit, NOISE)
     count = fit.unknowns
     free = [i for i in range(count) if i >= SPLINE_FIRST or fit.held[i] == 0]
     points = np.array(history.points[:COUNT])

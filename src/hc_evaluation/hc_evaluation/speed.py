@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from hc_estimator import DEFAULT_FILTER, available_filters, available_state_spaces, create_estimator
 from hc_estimator.contact.arrays import hunt_crossley_force
+from hc_evaluation.longest_sample import longest_samples
 from hc_evaluation.rivals.packages import pykalman_runner, stone_soup_runner
 from hc_evaluation.rivals.plain_particles import numpy_particles
 from hc_evaluation.rivals.plain_ukf import (
@@ -74,8 +75,9 @@ def run_speed(progress: Callable[[float], None] = lambda _share: None) -> dict[s
         ekf_to_cpp (by run; medians of the rounds' ratios), default_run_us, default_step_us,
         default_to_ukf and default_to_ukf_by_step (the same), sir_pf_step_us (50 particles), for 50
         and 1000 particles sir_pf_N_ns and numpy_particles_N_ns (nanoseconds a sample and particle,
-        by run) and sir_pf_N_to_numpy (their ratio), and filters_us (microseconds a sample of run()
-        by filter and state space).
+        by run) and sir_pf_N_to_numpy (their ratio), filters_us (microseconds a sample of run()
+        by filter and state space), and how long single samples take where tissue varies
+        (`longest_sample`).
 
     Raises:
         ImportError: if filterpy is not installed.
@@ -124,7 +126,7 @@ def run_speed(progress: Callable[[float], None] = lambda _share: None) -> dict[s
         estimator = create_estimator(name, state_space=space)
         estimator.warm_up()
         filters[f"{name}/{space}"] = _run_us(estimator, data, repeats=1)
-        progress(0.6 + 0.4 * (number + 1) / len(kinds))
+        progress(0.6 + 0.3 * (number + 1) / len(kinds))
     return {
         "samples": SAMPLES,
         **{f"{name}_us": None for name in rivals},
@@ -142,6 +144,7 @@ def run_speed(progress: Callable[[float], None] = lambda _share: None) -> dict[s
             for n in PARTICLES
         },
         "filters_us": filters,
+        **longest_samples(),
     }
 
 
