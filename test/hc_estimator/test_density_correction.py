@@ -97,3 +97,11 @@ def test_it_moves_more_until_it_clearly_does_no_longer(motion):
         motion.log_correction = level
         said = density_correction.moves_more(motion, said)
         assert said is expected
+
+
+@pytest.mark.parametrize("rate", [10.0, 50.0])
+def test_readings_that_are_far_apart_say_nothing_of_a_tremor(motion, rate):
+    """At 10 Hz a law that does not fit passed for one (a compression to 1.1 kN)."""
+    force = white(2000) + 2.0 * np.sign(np.sin(0.1 * np.arange(2000)))
+    assert after(motion, force, rate=1000.0).max() > 1.0
+    assert after(motion, force, rate=rate).max() <= 0.0

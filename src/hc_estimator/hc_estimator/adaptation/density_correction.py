@@ -30,6 +30,8 @@ RISING_RATE = 0.02  # of that logarithm above zero, per sample
 WHITE = 0.51
 MEANS = (0.004, 0.016)  # of the innovations [s]
 FEWEST = (1.5, 6.0)  # readings in them
+# Time that the longer mean may take [s]: with fewer readings it says nothing of a tremor.
+LONGEST_MEAN = 0.1
 
 
 @compiled
@@ -48,7 +50,7 @@ def correct(motion: Any, nis: float, innovation: float, elapsed: float) -> None:
         motion.means[i] += share * (innovation - motion.means[i])
     moved = motion.log_correction + CORRECTION_RATE * (min(0.5 * nis, LARGEST_NIS) - 1.0)
     if motion.log_correction > 0.0 or moved > 0.0:
-        way = 1.0 - WHITE if goes_on else -WHITE
+        way = 1.0 - WHITE if goes_on and elapsed * FEWEST[1] < LONGEST_MEAN else -WHITE
         moved = max(motion.log_correction, 0.0) + RISING_RATE * way
     motion.log_correction = min(max(moved, SMALLEST_CORRECTION), LARGEST_CORRECTION)
 

@@ -17,8 +17,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from hc_estimator.adaptation import density_correction, motion_density, noise_color
-from hc_estimator.adaptation.policy import DIFFERENCES
+from hc_estimator.adaptation import motion_density
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import (
     air_zero,
@@ -29,6 +28,7 @@ from hc_estimator.multiple_model import (
     levels,
     lift_off,
     model_error,
+    motion_correction,
     outliers,
     plausible,
     readings,
@@ -76,8 +76,6 @@ UNKNOWN = 1e12  # variance of a force whose noise is not known yet [N^2]
 TOUCHING_DEPTH = 0.02  # from which the judge counts contact [mm]
 AWAY_TIME = 1.0  # the parameters go on walking for so long after contact is lost [s]
 FREE_DEVIATIONS = 3.0  # of the depth from which on free motion is certain
-STEADY_TIME = 0.5  # of contact before the jerk density is corrected [s]
-UNTEMPERED = 1.2  # force noise over the sensor's up to which that is done
 
 
 @compiled
@@ -352,7 +350,7 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
         tool.away_time += clock.elapsed
         chosen = rows[bank.judge.chosen]
         spread.find_in_air(settings, bank.judge, rows, tool.contact_clock)
-    _correct_density(settings, bank, chosen)
+    motion_correction.correct(settings, bank, chosen)
     turning = maneuvers.is_turning(bank.maneuver, chosen, clock.period)
     if touching and clock.present[1] != 0 and not turning:
         judging.learn(settings, bank)
@@ -376,26 +374,3 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
         bank.maneuver.count = 0
     departure.learn(bank)
     maneuvers.keep(bank, time)
-
-
-@compiled
-def _correct_density(settings: Any, bank: Any, chosen: Any) -> None:
-    """Let the jerk density follow the joint innovations while the contact law fits."""
-    present = bank.clock.present
-    if settings.motion_adaptation == 0 or bank.motion.density <= 0.0:
-        return
-    if present[0] == 0 or present[1] == 0:
-        return
-    if chosen.model_error > 0.0 or chosen.contact_time < STEADY_TIME or depth_of(chosen) <= 0.0:
-        return
-    if chosen.force_noise > UNTEMPERED * bank.sensor_noise[1]:
-        return
-    if settings.noise_adaptation == DIFFERENCES:
-        for i in range(2):  # a noise about to be called lower would pass for a calmer tool
-            if 2.0 * bank.noise[i].short_mean < bank.noise[i].mean:
-                return
-    innovation = chosen.innovation[1] / math.sqrt(chosen.innovation_variance[1])
-    if noise_color.factor(bank.color[1], bank.noise[1]) > 1.0:
-        innovation = 0.0  # the noise's own go together
-    elapsed = bank.clock.force_elapsed
-    density_correction.correct(bank.motion, chosen.untempered_nis, innovation, elapsed)
