@@ -96,7 +96,7 @@ def test_a_search_keeps_its_points_when_every_second_one_is_forgotten(searching)
     assert search.is_due(bank)
     search.take_step(settings, bank)
     assert bank.zeros.stage == OF_KIND
-    assert bank.fit.steps == 3
+    assert bank.fit.steps > 2
 
 
 def test_a_search_in_tissue_that_was_left_is_given_up(searching):

@@ -265,6 +265,7 @@ def add_up(settings: Any, finder: Any, j: int, law: Any) -> float:
     _clear(finder)
     sums, moments = finder.sums_of_k, finder.moments
     count = count_of(finder)
+    finder.added += count
     window, weights = -1, 0.0
     for back in range(count):
         k = (finder.kept - count + back) % DELAY_POINTS

@@ -125,6 +125,7 @@ DELAY = record_type(
         Field("begun_at", np.int64, (), 0, CANDIDATES - 1),
         Field("steps", np.int64, (), 0),  # of each, at most
         Field("anew", np.int64, (), 0, 1),  # 1 if it begins with the law of the one before
+        Field("added", np.int64, (), 0),  # points in the sums of a step
         Field("clear", np.int64, (), 0, 1),  # 1 if it said a delay clearly
         Field("fits", np.int64, (), 0, 1),  # 1 if the best of it leaves no more than noise
         Field("varies", np.int64, (), 0, 1),  # 1 if each window has a K of its own
