@@ -34,11 +34,18 @@ def rows_of(readings):
 
 
 @pytest.fixture
-def searching(records_of):
+def pressed(recording):
+    """Time, displacement and force of one tissue at 1 kHz, the force's zero off by 0.3 N."""
+    time, displacement, force = recording(9.0)
+    return time, displacement, force + 0.3
+
+
+@pytest.fixture
+def searching(records_of, pressed):
     """An estimator in the middle of a fit that looks for zeros, its settings and its bank."""
     estimator = hc.create_estimator(FILTER)
     settings, bank = records_of(estimator)
-    for row in rows_of(scan_at(1000.0)):
+    for row in rows_of(pressed):
         estimator.step(*row)
         if bank.zeros.stage == OF_KIND and bank.fit.phase == PASS_GOES_ON and bank.fit.steps == 2:
             return estimator, settings, bank
@@ -67,18 +74,17 @@ def test_a_sample_takes_a_step_for_each_millisecond_of_its_period(rate_hz, recor
             if stage != 0
         }
     assert most_steps <= math.floor(1.0 / (rate_hz * STEP_TIME) + 0.5) if rate_hz < 1000.0 else 1
-    assert total > 100
+    assert total > (100 if rate_hz <= 1000.0 else 5)
     if 500.0 <= rate_hz <= 1000.0:  # a slow sensor has time for all of them between two readings
         assert asked == {"zeros", "moving", "delay"}
 
 
-def test_a_search_goes_on_after_save_and_restore_to_the_bit(searching):
+def test_a_search_goes_on_after_save_and_restore_to_the_bit(searching, pressed):
     estimator, _, bank = searching
-    readings = scan_at(1000.0)
-    place = int(np.searchsorted(readings[0], float(bank.clock.state_time))) + 1
+    place = int(np.searchsorted(pressed[0], float(bank.clock.state_time))) + 1
     other = hc.create_estimator(FILTER)
     other.restore(estimator.state())
-    rest = [channel[place : place + 3000] for channel in readings]
+    rest = [channel[place : place + 3000] for channel in pressed]
     one, two = estimator.run(*rest), other.run(*rest)
     assert np.array_equal(one.parameters, two.parameters)
     assert estimator.state() == other.state()
@@ -118,6 +124,6 @@ def test_a_zero_that_moves_meanwhile_moves_the_points_of_a_search(searching):
         while not search.take_step(settings, each):
             pass
     zeros = [float(each.fit.values[spline.FORCE_ZERO]) for each in (bank, moved)]
-    assert zeros[1] == pytest.approx(zeros[0] - 0.1, abs=0.02)
+    assert zeros[1] == pytest.approx(zeros[0] - 0.1, abs=2e-3)
     assert moved.fit.squares == pytest.approx(bank.fit.squares, rel=1e-2)
     assert zero_kinds.explains_all(moved) == zero_kinds.explains_all(bank)

@@ -283,6 +283,8 @@ def _take_point(settings: Any, bank: Any) -> bool:
         if place_delay.is_found(finder, bank.place):
             _begin_with_delay(settings, bank)
             another_place.begin_in_step(bank.place)
+        # Zeros that are off wait better than tissue that varies, if both are to be asked.
+        moving_fit.look(settings, bank)
         if batch_fit.update(settings, bank) and zero_fit.look(settings, bank):
             beginning.begin_with_zeros(settings, bank)
         elif plausible.is_no_law(settings, rows[FITTED], bank.tool):
@@ -290,7 +292,6 @@ def _take_point(settings: Any, bank: Any) -> bool:
         if rows[bank.judge.chosen].active == 0:
             bank.judge.chosen = 0
             choose(settings, bank.judge, rows, bank.tool, bank.tool.contact_clock)
-        moving_fit.look(settings, bank)
     if full and math.isnan(settings.channel_delay):
         _look_for_delay(settings, bank)
     return bool(new)

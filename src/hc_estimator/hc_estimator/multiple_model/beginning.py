@@ -28,6 +28,7 @@ from hc_estimator.multiple_model import delay as delays
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model import maneuver as maneuvers
+from hc_estimator.multiple_model import search as searches
 from hc_estimator.multiple_model.hypotheses import (
     DEPTH,
     EXPONENT,
@@ -91,6 +92,7 @@ def start(settings: Any, bank: Any) -> None:
     _choose_anew(bank)
     maneuvers.reset(bank.maneuver)
     histories.reset(bank.history)
+    searches.reset(bank)
     contact_onset.restart(bank.onset)
     air_zero.reset(bank.air)
     zero_fit.restart(bank.zeros)

@@ -24,6 +24,14 @@ MOST_USED = 256  # points of a step of a fit, from which on the next one waits: 
 
 
 @compiled
+def reset(bank: Any) -> None:
+    """Nothing is asked."""
+    histories.reset(bank.search.history)
+    bank.search.credit = 0.0
+    end(bank)
+
+
+@compiled
 def is_busy(bank: Any) -> bool:
     """True while a search goes on."""
     return bool(bank.zeros.stage != 0 or bank.moving.stage != 0)
