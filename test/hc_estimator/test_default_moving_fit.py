@@ -70,14 +70,17 @@ def test_a_tissue_that_relaxes_is_no_surface_that_moves():
 
 
 def test_layers_whose_exponent_varies_are_no_surface_that_moves():
-    kind = next(k for k in KINDS if k.name == "layers")
-    for seed in range(5000, 5003):
+    """One that is found is believed for 2.5 s: single scans say little."""
+    kind, shares = next(k for k in KINDS if k.name == "layers"), []
+    for seed in range(5000, 5012):
         _, contact = scanned(kind, seed)
         series = hc.create_estimator(FILTER).run(
             contact.time_s, contact.displacement_mm, contact.force_n
         )
         moved = series.hypothesis == Hypothesis.SURFACE_MOVES
-        assert np.mean(moved[contact.time_s > 3.0]) < 0.1
+        shares.append(np.mean(moved[contact.time_s > 3.0]))
+    assert np.mean(shares) < 0.08
+    assert np.median(shares) < 0.03
 
 
 def test_steps_and_a_batch_say_the_same_through_its_fits():
