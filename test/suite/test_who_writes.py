@@ -160,7 +160,11 @@ GUESTS = {
     "multiple_model/place_delay": {"delay": "delay deviation doubt fit"},
     "multiple_model/moving_fit": {"judge": "found"},
     # What goes on is given up, or goes on with what has moved.
-    "multiple_model/search": {"fit": "air_zero phase values", "moving": "stage", "zeros": "stage"},
+    "multiple_model/search": {
+        "fit": "air_zero phase values",
+        "moving": "stage",
+        "zeros": "air_zero stage",
+    },
     # Likewise one that is found beneath a surface that moves.
     "multiple_model/moving_delay": {
         "delay": "delay deviation doubt fit",

@@ -12,6 +12,7 @@ delays that move meanwhile move these as well; where the tissue is another from 
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
@@ -86,7 +87,7 @@ def take_step(settings: Any, bank: Any) -> bool:
     while used < MOST_USED:
         if spline_descent.go_on(settings, search.history, fit, noise):
             return True
-        used += fit.last - fit.first
+        used += max(fit.last - fit.first, 1)
     return False
 
 
@@ -96,9 +97,12 @@ def move(bank: Any, force: float, begun: float, now: float) -> None:
     histories.move(bank.history, 0.0, force, begun, now)
     if is_busy(bank):
         histories.move(bank.search.history, 0.0, force, begun, now)
-        fit = bank.fit
-        fit.values[spline.FORCE_ZERO] -= force
-        fit.air_zero -= force
+        fit, zeros = bank.fit, bank.zeros
+        if fit.held[spline.FORCE_ZERO] == 0:
+            fit.values[spline.FORCE_ZERO] -= force
+        if zeros.air_deviation < math.inf:
+            fit.air_zero -= force
+            zeros.air_zero -= force
         _begin_pass(fit)
 
 
