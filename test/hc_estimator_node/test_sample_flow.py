@@ -114,7 +114,9 @@ class Topic:
 
 
 def source_of(channel, **counters):
-    return SimpleNamespace(channels=(channel,), problems=(), counters=counters, undecodable=0)
+    return SimpleNamespace(
+        channels=(channel,), problems=(), doubts=(), counters=counters, undecodable=0
+    )
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from hc_estimator.ros.status import StatusReporter
 from hc_estimator.stream.session import EstimationSession
 from hc_msgs_py.diagnostics import Level
 
-NOWHERE = SimpleNamespace(channels=(), problems=(), counters={}, undecodable=0)
+NOWHERE = SimpleNamespace(channels=(), problems=(), doubts=(), counters={}, undecodable=0)
 LATE_MS = 20
 
 

@@ -84,6 +84,7 @@ class StatusReporter:
             source: the input of the session.
             suspicions: what is suspicious about its readings.
         """
+        suspicions = [*suspicions, *source.doubts]
         session = self._session
         now_s = time.perf_counter()
         elapsed_s = now_s - self._before_s
