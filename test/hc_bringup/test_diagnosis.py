@@ -6,11 +6,13 @@ import shlex
 import numpy as np
 import pytest
 
+from hc_bringup.channel_findings import between_channels
 from hc_bringup.cli import main
 from hc_bringup.commands.doctor import apply
 from hc_bringup.diagnosis import CONTACT_STD, diagnose
 from hc_bringup.recording_input import assumed_line
 from hc_bringup.terminal.numbers import rounded
+from hc_bringup.treated_samples import Samples
 from hc_estimator import create_estimator
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
 from hc_estimator.stream.sanity import check_samples
@@ -293,6 +295,37 @@ def test_a_delay_that_grows_is_of_two_clocks_and_no_offset_is_proposed():
     assert rate == pytest.approx(300.0, rel=0.1)
     assert drifts.settings == {}
     assert not any("time_offset" in f.settings for f in found.findings)
+
+
+def strokes(kind):
+    """Readings of tissue that relaxes at depth (0 to 4 mm), and of a needle (0 to 20 mm)."""
+    generator = np.random.default_rng(5)
+    needle = kind == "needle"
+    step, speed, deepest, hold, rest = (
+        (0.002, 5.0, 20.0, 1.0, 2.0) if needle else (0.01, 2, 4, 8, 2)
+    )
+    time_s = np.arange(0.0, 20.0 if needle else 60.0, step)
+    there = 2.0 * deepest / speed + hold
+    turn = np.minimum(speed * (time_s % (there + rest)), speed * (there - time_s % (there + rest)))
+    depth = np.clip(turn, 0.0, deepest)
+    rate = np.gradient(depth, time_s)
+    if needle:
+        force = 0.08 * depth + 0.3 * np.tanh(rate / 0.3) * (depth > 0.5)
+    else:
+        force = np.maximum(depth**1.5 * (0.4 + 0.01 * rate), 0.0)
+        kept = 0.0
+        for i, value in enumerate(force):
+            kept += step / 3.0 * (value - kept)
+            force[i] = value - 0.4 * kept
+    noise = generator.normal(0.0, 1.0, (2, len(time_s)))
+    return time_s, depth + 0.004 * noise[0], force + 0.02 * noise[1]
+
+
+@pytest.mark.parametrize("kind", ["relaxing", "needle"])
+def test_contact_does_not_begin_further_off_than_the_whole_stroke(kind):
+    """It said "contact seems to begin at -62.9 ± 2 mm, not at 0", of 20 mm: K 1.1e-07 of 0.08."""
+    found = between_channels(Samples(*strokes(kind), 0.0), None, fits_no_worse=True)
+    assert not any({"position.zero", "force.zero"} & set(f.settings) for f in found)
 
 
 def of_two_clocks():
