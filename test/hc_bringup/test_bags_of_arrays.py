@@ -74,6 +74,25 @@ def test_commands_lead_to_the_table(bag, tmp_path, monkeypatch, capsys, words):
     assert READS in capsys.readouterr().err
 
 
+def test_verify_says_why_there_is_none_and_what_there_is(bag, capsys):
+    """It said what `hc estimate` says, as if the table of a taxel could be verified."""
+    assert cli.main(["estimate", str(bag), "--verify"]) == 1
+    [said] = capsys.readouterr().err.splitlines()
+    assert READS in said
+    assert said.endswith(
+        "; estimates of an array are not verified, for no bag says with which settings they were "
+        "made: hc estimate taxel.csv --filter ukf (or what array_estimator was told) computes one "
+        "taxel's anew"
+    )
+
+
+def test_a_batch_says_what_can_be_typed(bag, tmp_path, capsys):
+    """It said "hc bag convert the recording taxel.csv"."""
+    spaced = bag.rename(tmp_path / "left pad")
+    assert cli.main(["batch", str(spaced), "-o", str(tmp_path / "out")]) == 1
+    assert "hc bag convert RECORDING taxel.csv --taxel N (0 to 3" in capsys.readouterr().out
+
+
 def test_a_replay_names_the_node_of_arrays(bag, capsys):
     assert cli.main(["replay", str(bag), "--estimator"]) == 2
     said = capsys.readouterr().err

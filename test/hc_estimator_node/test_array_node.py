@@ -11,7 +11,7 @@ from rclpy.serialization import deserialize_message
 
 from hc_estimator import EstimatorArray
 from hc_estimator.ros.array_node import ArrayEstimatorNode
-from hc_estimator.stream.array_status import ArrayHealth
+from hc_estimator.stream.array_status import ArrayHealth, Effort
 from hc_estimator.stream.array_stream import ArrayStream
 from hc_msgs_py.qos import ESTIMATE_QOS
 
@@ -117,6 +117,18 @@ def status_of(stream, health, **other):
     found = health.problems(counts, silent_s=silent_s, afresh=afresh)
     health.begin_anew()
     return "; ".join(found)
+
+
+def test_samples_left_out_lead_to_what_takes_less_time(stream):
+    """Only "cannot keep up: 718 samples left out" was said."""
+    counts = dict.fromkeys(COUNTS, 0) | {"skipped": 718}
+    for plainer, ends in (("ukf", "take a plainer filter (ukf), more threads,"), ("", "take more")):
+        effort = Effort(256, "self_tuning_ukf", 0.00234, plainer)
+        [said] = ArrayHealth().problems(counts, silent_s=0.0, afresh="", effort=effort)
+        assert said.startswith(
+            "cannot keep up: 718 samples left out, for 256 taxels take 2.3 ms a sample with "
+            f"self_tuning_ukf: {ends}"
+        )
 
 
 def feed_to(health, stream, numbers, spoil=lambda depth, force: None, **options):

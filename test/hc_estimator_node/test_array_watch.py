@@ -19,14 +19,16 @@ def pad(time_s, rng, taxels=16):
     return np.full(taxels, depth) + rng.normal(0.0, 0.002, taxels), force
 
 
-def watched(spoil=lambda depth, force: (depth, force), seconds=12.0, watch=None, latency_ns=10**6):
+def watched(
+    spoil=lambda depth, force: (depth, force), seconds=12.0, watch=None, latency_ns=10**6, live=True
+):
     """What a watch says in the end, looking once a second as the node does; and what was new."""
     watch, rng, new = watch or ArrayWatch(), np.random.default_rng(1), []
     for i in range(int(seconds * RATE)):
         time_s = i / RATE
         depth, force = spoil(*pad(time_s, rng))
         watch.add(START + round(time_s * 1e9), depth, force)
-        watch.add_latency(latency_ns)
+        watch.add_latency(latency_ns, live=live)
         while watch.looking:
             watch.go_on()
         if i % int(RATE) == 0:
@@ -92,6 +94,21 @@ def test_stamps_in_the_future_are_told():
         "samples are stamped 3600 s in the future: the clocks of sensor and computer differ (use "
         "PTP or chrony)"
     ]
+
+
+@pytest.mark.parametrize(
+    ("latency_s", "said"),
+    [
+        (1000, "samples are 1000 s old when they are used: the clocks of sensor and computer "),
+        (1_700_000_000, "samples are stamped as of 1970: their times count from the start of a "),
+    ],
+)
+def test_stamps_far_in_the_past_are_told_unless_a_player_speaks(latency_s, said):
+    """Status "estimating" and nothing else, with a latency of 1e+09 us."""
+    problems, new = watched(latency_ns=latency_s * 10**9)
+    assert len(problems) == len(new) == 1
+    assert problems[0].startswith(said)
+    assert watched(latency_ns=latency_s * 10**9, live=False) == ([], [])
 
 
 def test_another_array_is_judged_by_its_own_readings():

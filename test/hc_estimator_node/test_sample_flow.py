@@ -31,7 +31,7 @@ def node(source):
         publish_configuration=lambda revision, estimator, zeros, loaded: flow.said.append(zeros)
     )
     flow._keeper = SimpleNamespace(hasten=lambda: None, on_trial=False)
-    flow._status = SimpleNamespace(latency=SimpleNamespace(add=lambda _: None))
+    flow._status = SimpleNamespace(add_latency=lambda _: None)
     flow._suspicions = SimpleNamespace(
         add=lambda *_: None,
         add_latency=lambda _, live: flow.ages.append(live),
@@ -114,7 +114,9 @@ class Topic:
 
 
 def source_of(channel, **counters):
-    return SimpleNamespace(channels=(channel,), problems=(), counters=counters, undecodable=0)
+    return SimpleNamespace(
+        channels=(channel,), problems=(), doubts=(), counters=counters, undecodable=0
+    )
 
 
 @pytest.fixture

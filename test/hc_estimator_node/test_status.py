@@ -10,7 +10,7 @@ from hc_estimator.ros.status import StatusReporter
 from hc_estimator.stream.session import EstimationSession
 from hc_msgs_py.diagnostics import Level
 
-NOWHERE = SimpleNamespace(channels=(), problems=(), counters={}, undecodable=0)
+NOWHERE = SimpleNamespace(channels=(), problems=(), doubts=(), counters={}, undecodable=0)
 LATE_MS = 20
 
 
@@ -76,3 +76,29 @@ def test_a_jump_of_the_stamps_is_a_warning_once(recorder, plant, shift_s):
     )
     assert jumped.values["time_jumps"] == 1
     assert (after.level, after.message) == (Level.OK, "estimating")
+
+
+@pytest.mark.parametrize("shift_s", [3600.0, -3600.0, 1.8e9])
+def test_another_clock_does_not_stay_in_the_latencies_since_the_start(recorder, shift_s):
+    """A publisher that came back an hour behind made latency_max_us_since_start 3.6e9 for good."""
+    session = EstimationSession(create_estimator("ukf"), recorder)
+    session.start()
+    reporter = StatusReporter(session)
+    values = []
+    for shift_ns in (0, round(shift_s * 1e9), 0):
+        for latency_ns in (300_000, 400_000, 2_000_000):
+            reporter.add_latency(latency_ns + shift_ns)
+        values.append(reporter.collect(NOWHERE, ()).values)
+    assert [v["latency_max_us_since_start"] for v in values] == [2000.0] * 3
+    assert values[1]["latency_max_us"] == pytest.approx(max(1e6 * shift_s + 2000.0, 0.0))
+    assert values[2]["latency_max_us"] == 2000.0
+    assert [v["foreign_stamps"] for v in values] == [0, 3, 3]
+    assert values[2]["latency_p99_us_since_start"] < 2100.0
+
+
+def test_a_node_that_stood_still_has_been_late(recorder):
+    session = EstimationSession(create_estimator("ukf"), recorder)
+    session.start()
+    reporter = StatusReporter(session)
+    reporter.add_latency(12 * 10**9)
+    assert reporter.collect(NOWHERE, ()).values["latency_max_us_since_start"] == 12e6

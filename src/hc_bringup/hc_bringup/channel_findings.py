@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hc_bringup.finding import (
     DISTURBED_SHARE,
@@ -21,7 +22,7 @@ from hc_bringup.sensor_effect import named_effect
 from hc_bringup.terminal.numbers import rounded
 from hc_bringup.treated_samples import Estimated, Samples
 from hc_bringup.two_clocks import delay_that_grows
-from hc_estimator.stream.readings import moves
+from hc_estimator.stream.readings import moves, robust_range
 from hc_estimator.stream.vocabulary import CHANNEL_DELAY
 from hc_evaluation.channels import CLEAR, diagnose_channels, evenly_spaced, unbroken
 
@@ -51,7 +52,7 @@ def between_channels(
     except ValueError:  # too little to compare, or gaps on purpose: the filter sees a delay, too
         return _by_the_filter(samples, before) if samples.left_out else []
     findings = []
-    faults = found.clear_faults
+    faults = found.clear_faults if _within_reach(found.contact_mm, displacement_mm) else ()
     if faults or found.residual_rms_without_n > MOST_NOISES * found.noise_n:
         instead = damping_at_every_depth((time_s, displacement_mm, force_n), found)
         if instead.far_better:
@@ -98,6 +99,16 @@ def between_channels(
         known_mm = float(np.hypot(found.contact_mm, found.contact_std_mm))
         samples.surface_std_mm = min(samples.surface_std_mm, known_mm)
     return findings
+
+
+def _within_reach(contact_mm: float, displacement_mm: NDArray[np.float64]) -> bool:
+    """Whether a recording can tell that contact begins there.
+
+    Where it seems to lie further from the readings than all their stroke, the law was bent to
+    something else (tissue that relaxes, a needle's grip), and the zeros and the delay with it.
+    """
+    low_mm, high_mm = robust_range(displacement_mm)
+    return bool(low_mm - (high_mm - low_mm) <= contact_mm <= high_mm)
 
 
 def _with_play(samples: Samples, before: Estimated | None, play_mm: float) -> Finding:

@@ -28,6 +28,7 @@ from hc_bringup.robot_mechanics import MOVES_WITH
 from hc_bringup.sensor_effect import means_taken_off
 from hc_bringup.sticking import sticking_line
 from hc_bringup.treated_samples import FORCE_LIMIT, Estimated, FloatArray, Samples
+from hc_bringup.two_clocks import clocks_put_together
 from hc_bringup.wandering_zero import wandering_zero
 from hc_estimator import PARAMETER_NAMES, Rejection
 from hc_estimator.stream.readings import (
@@ -185,6 +186,8 @@ def _judged(
         findings.append(Finding(doubt.sentence, settings, cost or (UNKNOWN if spoilt else "")))
         before = after
     if not spoilt:
+        unlike, before = clocks_put_together(samples, before)
+        findings += unlike
         wandering, before = _wandering(samples, before)
         findings += wandering
     after = before

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from hc_bringup.finding import DISTURBED_SHARE, UNKNOWN, Finding, cost_of, cures
 from hc_bringup.reading_changes import read_alike
 from hc_bringup.treated_samples import Estimated, Samples
+from hc_bringup.two_clocks import doubted_clocks
 from hc_estimator.stream.readings import Check, Suspicion
 from hc_evaluation.behind_sensor import LOW_PASS, MEAN, MEMORY
 from hc_evaluation.channels import CLEAR, evenly_spaced, unbroken
@@ -71,7 +72,9 @@ def doubted_effect(
     delay_s: float,
     delay_std_s: float,
 ) -> Suspicion | None:
-    """Look for what a sensor made of a channel where the law did not fit, or a delay was found.
+    """Look for two clocks, and for what a sensor made of a channel.
+
+    Only where the law did not fit, or a delay was found.
 
     Args:
         readings: stamps [s], penetration [mm] and force [N], shape (n,) each; NaN for no reading.
@@ -89,6 +92,8 @@ def doubted_effect(
         even = evenly_spaced(*unbroken(*readings))
     except ValueError:  # too little, or mostly gaps
         return None
+    if clocks := doubted_clocks(even):
+        return clocks
     effect = find_effect(*(column[-MOST_ROWS:] for column in even))
     if effect is None:
         return None

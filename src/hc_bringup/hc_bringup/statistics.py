@@ -16,6 +16,7 @@ from hc_bringup.force_error import SETTLING_S, one_step_error
 from hc_bringup.zero_effect import DeepestTouch
 from hc_bringup.zero_words import Zeros
 from hc_msgs_py.histogram import DurationHistogram
+from hc_msgs_py.latency import AHEAD_S, NO_LATENCY_S
 from hc_msgs_py.units import METRE_IN_MM
 
 REJECTION_NAMES: Final = {
@@ -34,10 +35,6 @@ _STAMP_FIELDS: Final = {"header.stamp.sec": "stamp_sec", "header.stamp.nanosec":
 _RECENT = 1000
 LONGEST_COUNTED_GAP = 1_000_000
 """A jump of the sequence beyond this is no loss: somebody counts otherwise, or not at all."""
-AHEAD_S: Final = 0.01
-"""A stamp further ahead is of another clock."""
-NO_LATENCY_S: Final = 1e3
-"""What is so old does not come late: its stamps are of a simulation, a recording, another clock."""
 _MOST_JUMPS = 0.01
 """Share of the estimates; where more of them jump, the sequence is no counter."""
 

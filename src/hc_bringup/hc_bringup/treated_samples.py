@@ -25,6 +25,7 @@ from hc_estimator.stream.sensor_setup import SURFACE_SHARE
 from hc_estimator.stream.together import of_two_readings, together
 from hc_estimator.stream.tool_motion import ToolMotion
 from hc_estimator.stream.tool_motion_checks import FoundMotion, find_tool_motion
+from hc_evaluation.clock_rates import ClockRates
 from hc_evaluation.play import behind_play
 from hc_msgs_py.units import NANOSECONDS
 
@@ -244,6 +245,10 @@ class Samples:
     def shift_force(self, seconds: float) -> None:
         """Stamp the forces so much later; each reading then stands at its own stamp."""
         self._put_at(self.time_s, self.time_s + seconds)
+
+    def let_clocks_agree(self, rates: ClockRates) -> None:
+        """Stamp the displacements as the clock of the forces goes."""
+        self._put_at(rates.by_the_other(self.time_s), self.time_s)
 
     def _put_at(self, displacement_s: FloatArray, force_s: FloatArray) -> None:
         """Let each channel have times of its own [s], shape (n,) each."""

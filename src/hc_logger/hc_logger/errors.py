@@ -17,6 +17,10 @@ class WrongOptionError(BagError):
     """What was said of how a file is written cannot be, or is not so in this file."""
 
 
+class ArrayAloneError(BagError):
+    """A bag has the samples of a tactile array, and none of one tool."""
+
+
 class UnknownTypeError(BagError, UnknownInterfaceError):
     """The message type is not installed here, so its definition is not known."""
 

@@ -19,7 +19,7 @@ from hc_logger.csv_file import CsvReader
 from hc_logger.csv_open import TEXT_SUFFIXES, is_text
 from hc_logger.csv_options import CsvOptions
 from hc_logger.decoder import decoder
-from hc_logger.errors import BagError
+from hc_logger.errors import ArrayAloneError, BagError
 from hc_logger.estimate_arrays import log_times
 from hc_logger.findings import findings_of
 from hc_logger.foreign import open_bag
@@ -114,9 +114,11 @@ def _read_bag(path: Path, topic: str, namespace: str) -> Recording:
         if name is None or name not in reader.topics:
             what = f"no topic {name}" if name else f"no topic of type {SAMPLE_TYPE}"
             has = ", ".join(reader.topics) or "nothing"
+            taxels = "" if topic else how_to_read_taxels(reader)
             if not topic:
-                has += how_to_read_taxels(reader) or how_to_read(reader)
-            raise BagError(f"{path} has {what}; it has {has}{_because(reader)}")
+                has += taxels or how_to_read(reader)
+            kind = ArrayAloneError if taxels else BagError
+            raise kind(f"{path} has {what}; it has {has}{_because(reader)}")
         definition = reader.topics[name].definition
         if definition.name == SAMPLES_TYPE:
             table = all_samples(reader, name)

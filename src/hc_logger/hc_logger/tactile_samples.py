@@ -18,6 +18,12 @@ from hc_msgs_py.topics import TACTILE_SAMPLE
 from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
 
 _BLOCK = 16_384
+NOT_VERIFIED = (
+    "estimates of an array are not verified, for no bag says with which settings they were made: "
+    "hc estimate taxel.csv --filter ukf (or what array_estimator was told) computes one taxel's "
+    "anew"
+)
+"""Why there is no --verify, and what there is in its place."""
 
 
 def tactile_topic(bag: Bag) -> str | None:

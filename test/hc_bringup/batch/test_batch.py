@@ -182,6 +182,26 @@ def test_resume_makes_only_what_is_missing_changed_or_damaged(
     assert again("--minimum-depth", "0.5", "--estimates") == (1, 2)
 
 
+def test_recordings_with_the_same_content_are_named(
+    make_recordings: MakeRecordings, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each was a row of the table, and nothing said that a mean counts one twice."""
+    folder = make_recordings(3)
+    assert batch(folder, "-o", tmp_path / "out") == 0
+    assert "with the content of another" not in capsys.readouterr().out
+    (folder / "day2").mkdir()
+    for name in ("copy.csv", "day2/r0001.csv"):
+        (folder / name).write_bytes((folder / "r0001.csv").read_bytes())
+    (folder / "empty.csv").touch()
+    (folder / "empty_too.csv").touch()
+    assert batch(folder, "-o", tmp_path / "out", "--resume") == 0
+    said = capsys.readouterr().out
+    same = ["copy.csv", "day2/r0001.csv", "r0001.csv"]
+    assert f"2 recordings with the content of another, and counted each: {' = '.join(same)}" in said
+    assert batch(folder, "-o", tmp_path / "out", "--resume", "--json") == 0
+    assert summary(capsys)["copies"] == [same]
+
+
 def test_bytes_do_not_depend_on_order_shares_or_interruptions(
     make_recordings: MakeRecordings,
     break_some: Callable[[Path], int],

@@ -214,6 +214,14 @@ class Campaign:
                     result,
                 )
 
+    def copies(self) -> list[list[str]]:
+        """Return the names of recordings with the same content, those of each together."""
+        of: dict[str, list[str]] = {}
+        for number, answer in sorted(self.answers.items()):
+            if answer.content and answer.size:
+                of.setdefault(answer.content, []).append(self.names[number])
+        return [names for names in of.values() if len(names) > 1]
+
     def gather(self) -> list[str]:
         """Write tables, page and manifest; returns the names of the files.
 

@@ -12,6 +12,8 @@ import contextlib
 import hashlib
 import json
 import math
+import re
+import shlex
 import traceback
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -360,7 +362,11 @@ def _write_estimates(path: Path, kind: str, recording: Any, series: Any) -> None
 
 def _about(task: Task, text: str) -> str:
     """Return a line about a recording without its path: the same recording may lie elsewhere."""
-    return text.removeprefix(f"{task.path}: ").replace(str(task.path), "the recording")
+    path = str(task.path)
+    text = text.removeprefix(f"{path}: ")
+    for written in {shlex.quote(path), path}:  # in what is to be typed, a word in its place
+        text = re.sub(rf"(\bhc [a-z ]+ ){re.escape(written)}(?!\S)", r"\1RECORDING", text)
+    return text.replace(path, "the recording")
 
 
 def _internal(error: Exception) -> str:

@@ -266,6 +266,7 @@ def _tell(
         "kept": campaign.done - without - campaign.made,
         "without_result": without,
         "contacts": contacts,
+        "copies": campaign.copies(),
         "complete": campaign.complete,
         "seconds": seconds,
         "written": [str(Path(arguments.output) / name) for name in files],
@@ -286,10 +287,20 @@ def _tell(
         print(f"without a result: {line}")
     if len(lines) > MOST_REASONS:
         print(f"and {len(lines) - MOST_REASONS} more without a result: see recordings.csv")
+    if copies := campaign.copies():
+        print(_about_copies(copies))
     if not campaign.complete:
         print(f"ended early with {campaign.done} of {campaign.total}: --resume goes on")
     for name in summary["written"]:
         print(f"written: {name}")
+
+
+def _about_copies(copies: list[list[str]]) -> str:
+    """Say which recordings a mean over the table would count more than once."""
+    named = "; ".join(" = ".join(names[:MOST_REASONS]) for names in copies[:MOST_REASONS])
+    more = " ..." if len(copies) > MOST_REASONS or max(map(len, copies)) > MOST_REASONS else ""
+    again = counted(sum(len(names) - 1 for names in copies), "recording")
+    return f"{again} with the content of another, and counted each: {named}{more}"
 
 
 def _why(name: str, failures: Sequence[tuple[str, str]], variants: int) -> list[str]:

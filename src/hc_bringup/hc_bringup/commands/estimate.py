@@ -135,7 +135,8 @@ def _verify(arguments: argparse.Namespace) -> int:
     import sys
 
     from hc_bringup.summary import to_json
-    from hc_logger.errors import BagError
+    from hc_logger.errors import ArrayAloneError, BagError
+    from hc_logger.tactile_samples import NOT_VERIFIED
     from hc_logger.verify import verify
 
     if is_asked_for(arguments):
@@ -145,7 +146,12 @@ def _verify(arguments: argparse.Namespace) -> int:
         )
     if arguments.output is not None:
         raise UserError("--verify writes no estimates: leave -o away", WRONG_USE)
-    recording = recording_input.load(arguments)
+    try:
+        recording = recording_input.load(arguments)
+    except UserError as error:
+        if isinstance(error.__cause__, ArrayAloneError):
+            raise UserError(f"{error}; {NOT_VERIFIED}") from error
+        raise
     try:
         report = verify(recording)
     except BagError as error:

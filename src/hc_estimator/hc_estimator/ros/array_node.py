@@ -22,12 +22,12 @@ from hc_estimator.kinds import (
     available_contact_models,
     available_state_spaces,
 )
-from hc_estimator.ros.channel import Channel, SubscriptionError
+from hc_estimator.ros.channel import Channel, SubscriptionError, is_replayed
 from hc_estimator.ros.compilation import Compilation
 from hc_estimator.ros.inputs import publisher_conflict, why_unmatched
 from hc_estimator.ros.services import add_service
 from hc_estimator.specification import checked_values
-from hc_estimator.stream.array_status import ArrayHealth, why_no_places
+from hc_estimator.stream.array_status import ArrayHealth, Effort, why_no_places
 from hc_estimator.stream.array_stream import ArrayStream
 from hc_estimator.stream.array_watch import ArrayWatch
 from hc_estimator.stream.readings import MEANINGS
@@ -45,6 +45,8 @@ from hc_msgs_py.wire_arrays import ArraysDecoder, ArraysEncoder, fill_estimate_a
 
 DEFAULT_FILTER: Final = "ukf"
 """A plain one: hundreds of taxels at 1 kHz leave no time for more on one core."""
+_PLAINER: Final = {DEFAULT_FILTER: "ekf", "ekf": ""}
+"""Filters that take less time; where nothing stands here it is the usual one."""
 BEGIN_PERIOD_S: Final = 0.1
 """Between two looks whether the filter is compiled."""
 _COLUMNS: Final = ("force_reconstructed", "contact", "rejected")
@@ -109,6 +111,7 @@ class ArrayEstimatorNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._skipped = self._undecodable = 0
         self._health, self._watch = ArrayHealth(), ArrayWatch()
         self._columns, self._pitch_m = 0, 0.0  # of the newest sample
+        self._replayed = True  # until the first status looks who publishes
         self._afresh = ""  # why, the last time
         self._computation, self._latency = DurationHistogram(), DurationHistogram()
         gap_s = SessionSettings.maximum_gap_s
@@ -206,7 +209,7 @@ class ArrayEstimatorNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._computation.add(spent_ns)
         self._latency.add(latency_ns)
         self._watch.add(stamp_ns, displacements_mm, record["force"])
-        self._watch.add_latency(latency_ns)
+        self._watch.add_latency(latency_ns, live=not self._replayed)
         if self._watch.looking and self._channel is not None and not self._channel.waits:
             self._watch.go_on()
 
@@ -263,6 +266,7 @@ class ArrayEstimatorNode(Node):  # type: ignore[misc]  # rclpy has no types
     def _problems(self, channel: Channel) -> list[str]:
         """Say what is wrong with the stream since the last status, and with who publishes it."""
         stream, came_ns = self._stream, channel.received_ns
+        self._replayed = is_replayed([channel])
         counts = {
             "received": stream.received,
             "late": stream.late,
@@ -272,7 +276,11 @@ class ArrayEstimatorNode(Node):  # type: ignore[misc]  # rclpy has no types
             "skipped": self._skipped,
         }
         silent_s = (time.time_ns() - came_ns) * 1e-9 if came_ns else None
-        found = self._health.problems(counts, silent_s=silent_s, afresh=self._afresh)
+        effort = None
+        if self._computation.count:
+            kind, median_s = self._kind["filter"], self._computation.quantile_s(0.5)
+            effort = Effort(stream.taxels, kind, median_s, _PLAINER.get(kind, DEFAULT_FILTER))
+        found = self._health.problems(counts, silent_s=silent_s, afresh=self._afresh, effort=effort)
         if stream.used and (
             placeless := why_no_places(stream.taxels, self._columns, self._pitch_m)
         ):

@@ -26,6 +26,7 @@ from hc_estimator.stream.force_filter import ForceFilter
 from hc_estimator.stream.frame_compliance import FrameCompliance
 from hc_estimator.stream.merger import JUMP_NS
 from hc_estimator.stream.normal_finder import NormalFinder
+from hc_estimator.stream.readings import Suspicion
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, sent_mm
 
 
@@ -42,6 +43,7 @@ class EffortInput:
         self.undecodable = 0
         self.normal_finder: NormalFinder | None = None
         self.problems: tuple[str, ...] = ()
+        self.doubts: tuple[Suspicion, ...] = ()
         self._receiver = receiver
         self._missing_joint = self._unused = self._sequence = 0
         self._origin_ns = self._newest_ns = 0

@@ -10,6 +10,7 @@ from rclpy.node import Node
 
 from hc_estimator.ros.channel import Channel
 from hc_estimator.stream.normal_finder import NormalFinder
+from hc_estimator.stream.readings import Suspicion
 from hc_estimator.stream.taken_off import TakenOff
 from hc_estimator.stream.vocabulary import Batch
 from hc_msgs_py.topics import SAMPLE, SAMPLES
@@ -65,6 +66,10 @@ class Input(Protocol):
         """See above: as it is now."""
 
     @property
+    def doubts(self) -> Sequence[Suspicion]:
+        """What is suspicious of its messages, which shows in no sample."""
+
+    @property
     def counters(self) -> Mapping[str, int]:
         """What the input itself counted, for diagnostics."""
 
@@ -94,6 +99,7 @@ class SampleInput:
         self.undecodable = 0
         self.normal_finder: NormalFinder | None = None
         self.problems: tuple[str, ...] = ()
+        self.doubts: tuple[Suspicion, ...] = ()
         self._receiver = receiver
         self._decoder = SampleDecoder()
         self._frame_id = ""

@@ -148,7 +148,7 @@ class SampleFlow:
 
     def _add_latency(self, latency_ns: int) -> None:
         assert self._status is not None
-        self._status.latency.add(latency_ns)
+        self._status.add_latency(latency_ns)
         # Samples may come out of a bag; sensors of a robot speak now, unless a player does.
         live = not self._replayed and self._settings.values["input.source"] in OWN_SENSORS
         self._suspicions.add_latency(latency_ns, live=live)

@@ -27,6 +27,7 @@ from hc_estimator.ros.settings_meaning import contact_frame, sensor_mapping
 from hc_estimator.ros.tool_frames import ToolFrames
 from hc_estimator.stream import frame_compliance
 from hc_estimator.stream.arrival_clock import ARRIVAL, ArrivalClock, Timed
+from hc_estimator.stream.clock_drift import ClockDrift
 from hc_estimator.stream.contact_frame import Quaternion, Vector, unit_quaternion
 from hc_estimator.stream.contact_reading import ContactReading
 from hc_estimator.stream.dry_friction import DryFriction
@@ -34,6 +35,7 @@ from hc_estimator.stream.frame_compliance import FrameCompliance
 from hc_estimator.stream.merger import Merged, Merger
 from hc_estimator.stream.normal_finder import NormalFinder
 from hc_estimator.stream.poses import SurfacePose, ToolPose
+from hc_estimator.stream.readings import Suspicion
 from hc_estimator.stream.repeats import SHARE, Repeats
 from hc_estimator.stream.tool_motion import Reading, ToolMotion
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, sent_mm
@@ -82,6 +84,7 @@ class SensorInput:
         self._repeated_forces, self._repeated_positions = Repeats(), Repeats()
         self._force_clock: ArrivalClock | None = None
         self._position_clock: ArrivalClock | None = None
+        self._drift = ClockDrift()
         self._merger = Merger(
             maximum_wait_ns=0, reorder_window_ns=0, maximum_gap_ns=1, with_surface=moves
         )
@@ -175,6 +178,7 @@ class SensorInput:
             )
         if self._reading and reading != self._reading:
             self._merger.clear()  # readings of before and after do not belong together
+            self._drift.forget()
             self._repeated_forces.forget()
             self._repeated_positions.forget()
             self._frame = FrameCompliance(self._frame.mm_per_n)
@@ -223,8 +227,13 @@ class SensorInput:
             )
         return found
 
+    @property
+    def doubts(self) -> Sequence[Suspicion]:
+        """What is suspicious of its stamps, by when they came."""
+        return self._drift.doubts(time.monotonic(), (self._forces.topic, self._positions.topic))
+
     def missing_listeners(self) -> list[str]:
-        """Say who is not there of those who are to get the samples."""
+        """Say who of those who are to get the samples is missing."""
         return self._samples.missing()
 
     def close(self) -> None:
@@ -251,6 +260,7 @@ class SensorInput:
         else:
             value = (force.x, force.y, force.z)
         came_ns = nanoseconds_from_stamp(message.header.stamp)
+        self._drift.add(0, came_ns, self._forces.received_ns)
         for measured_ns, force_or_vector in _timed(self._force_clock, came_ns, value):
             self._add_force(measured_ns + self._force_offset_ns, force_or_vector)
 
@@ -302,6 +312,7 @@ class SensorInput:
         self._take_position(stamp_ns, ToolPose(place, turned))
 
     def _take_position(self, came_ns: int, value: float | ToolPose) -> None:
+        self._drift.add(1, came_ns, self._positions.received_ns)
         for measured_ns, place in _timed(self._position_clock, came_ns, value):
             self._add_position(measured_ns, place)
 
@@ -310,14 +321,13 @@ class SensorInput:
         stamp_ns += self._position_offset_ns
         if self._holds_positions and self._repeated_positions.is_one(stamp_ns, value):
             return
-        complete_ns = self._complete_ns()
-        self._hand_on(self._merger.add_displacement(stamp_ns, value, arrival_ns, complete_ns))
+        complete = self._complete_ns()
+        self._hand_on(self._merger.add_displacement(stamp_ns, value, arrival_ns, complete))
 
     def _take_surface(self, stamp_ns: int, surface: SurfacePose) -> None:
         assert self._moving is not None
-        arrival_ns = self._moving.channel.received_ns
-        complete_ns = self._complete_ns()
-        self._hand_on(self._merger.add_surface(stamp_ns, surface, arrival_ns, complete_ns))
+        times = self._moving.channel.received_ns, self._complete_ns()
+        self._hand_on(self._merger.add_surface(stamp_ns, surface, *times))
 
     def _complete_ns(self) -> int | None:
         """Return when the oldest message that waits came; None if none waits."""

@@ -15,6 +15,7 @@ from hc_estimator.stream.session import EstimationSession
 from hc_estimator.stream.vocabulary import STARTED_AFRESH
 from hc_msgs_py.diagnostics import Level, Status
 from hc_msgs_py.histogram import DurationHistogram
+from hc_msgs_py.latency import is_latency
 
 _QUANTILES = (("p50", 0.5), ("p99", 0.99))
 FRUITLESS = 3
@@ -63,12 +64,15 @@ class StatusReporter:
     """Makes the status from a session's counters.
 
     Attributes:
-        latency: stamp to publication, since the last status; the node adds to it.
+        foreign_stamps: samples that another clock stamped: none of them is in the latencies since
+            the start.
         wrenches_left_out: of samples that waited together; the node writes it.
     """
 
     def __init__(self, session: EstimationSession) -> None:
-        self.latency = DurationHistogram()
+        self.foreign_stamps = 0
+        self._latency = DurationHistogram()  # of this computer's clock, since the last status
+        self._foreign = DurationHistogram()  # of another one
         self.wrenches_left_out = 0
         self._session = session
         self._total_latency = DurationHistogram()
@@ -77,6 +81,18 @@ class StatusReporter:
         self._fruitless = 0  # statuses in a row with messages on all topics and no sample of them
         self._before_s = self._started_s = time.perf_counter()
 
+    def add_latency(self, latency_ns: int) -> None:
+        """Take in the time from a sample's stamp to the publication of its estimate [ns].
+
+        A clock that was set, or a source that came back with another one, spoils what is said of
+        the time since the last status, and nothing else.
+        """
+        if is_latency(latency_ns):
+            self._latency.add(latency_ns)
+        else:
+            self._foreign.add(latency_ns)
+            self.foreign_stamps += 1
+
     def collect(self, source: Input, suspicions: Sequence[Suspicion]) -> Status:
         """Return the status of the time since the last call.
 
@@ -84,6 +100,7 @@ class StatusReporter:
             source: the input of the session.
             suspicions: what is suspicious about its readings.
         """
+        suspicions = [*suspicions, *source.doubts]
         session = self._session
         now_s = time.perf_counter()
         elapsed_s = now_s - self._before_s
@@ -112,7 +129,8 @@ class StatusReporter:
             if reason is not Rejection.ACCEPTED:
                 name = f"rejected_{reason.name.lower()}"
                 values[name] = session.counters.rejected[reason]
-        values |= _quantiles("latency", self.latency, self._total_latency)
+        values["foreign_stamps"] = self.foreign_stamps
+        values |= _quantiles("latency", self._latency, self._total_latency, self._foreign)
         values |= _quantiles("computation", session.computation, self._total_computation)
         values |= self._health(since)
         values |= source.counters
@@ -304,9 +322,24 @@ def _refusals(since: Mapping[str, float]) -> list[str]:
     ]
 
 
-def _quantiles(name: str, recent: DurationHistogram, total: DurationHistogram) -> dict[str, float]:
-    """Return the quantiles since the last status and since the start; recent ones start anew."""
+def _quantiles(
+    name: str,
+    recent: DurationHistogram,
+    total: DurationHistogram,
+    passing: DurationHistogram | None = None,
+) -> dict[str, float]:
+    """Return the quantiles since the last status and since the start; recent ones start anew.
+
+    Args:
+        name: of what is counted.
+        recent: since the last status.
+        total: since the start; gets the recent ones.
+        passing: recent ones that are not of the time since the start.
+    """
     total.merge(recent)
+    if passing is not None:
+        recent.merge(passing)
+        passing.clear()
     values = {}
     for histogram, suffix in ((recent, ""), (total, "_since_start")):
         if histogram.count:

@@ -6,6 +6,7 @@ Free of ROS: the node gives the counts and what its subscription says of the pub
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,31 @@ def why_no_places(taxels: int, columns: int, pitch_m: float) -> str:
     return ""
 
 
+class Effort(NamedTuple):
+    """What a sample of all taxels takes.
+
+    Attributes:
+        taxels: how many there are.
+        filter: of each of them.
+        computation_s: of a sample, the median [s].
+        plainer: a filter that takes less time; empty where there is none.
+    """
+
+    taxels: int
+    filter: str
+    computation_s: float
+    plainer: str
+
+    @property
+    def said(self) -> str:
+        """What it takes, and what takes less, for a sentence of samples that are left out."""
+        other = f"a plainer filter ({self.plainer}), " if self.plainer else ""
+        return (
+            f"{self.taxels} taxels take {1e3 * self.computation_s:.2g} ms a sample with "
+            f"{self.filter}: take {other}more threads, or send fewer samples"
+        )
+
+
 class ArrayHealth:
     """Judges the stream once in a status."""
 
@@ -61,7 +87,12 @@ class ArrayHealth:
         self._samples += 1
 
     def problems(
-        self, counts: Mapping[str, int], *, silent_s: float | None, afresh: str
+        self,
+        counts: Mapping[str, int],
+        *,
+        silent_s: float | None,
+        afresh: str,
+        effort: Effort | None = None,
     ) -> list[str]:
         """Return what is wrong since the last call, a phrase for each.
 
@@ -69,6 +100,7 @@ class ArrayHealth:
             counts: totals: received, late, strays, restarts, undecodable, skipped.
             silent_s: time since the newest message [s]; None before the first.
             afresh: why the estimators were started afresh the last time.
+            effort: what a sample takes since the last status; None where there was none.
         """
         since = {name: count - self._before.get(name, 0) for name, count in counts.items()}
         self._before = dict(counts)
@@ -96,7 +128,8 @@ class ArrayHealth:
                 "each array a topic and a node of its own"
             )
         if since["skipped"]:
-            found.append(f"cannot keep up: {since['skipped']} samples left out")
+            of_what = f", for {effort.said}" if effort else ""
+            found.append(f"cannot keep up: {since['skipped']} samples left out{of_what}")
         found += self._taxels_without()
         return found
 

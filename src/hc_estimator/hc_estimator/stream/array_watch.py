@@ -86,9 +86,14 @@ class ArrayWatch:
         self._samples += 1
         self._watch.add(stamp_ns, float(both[0, self._taxel]), float(both[1, self._taxel]))
 
-    def add_latency(self, latency_ns: int) -> None:
-        """Take in how old a sample was when it was used [ns]; it may come out of a recording."""
-        self._watch.add_latency(latency_ns, live=False)
+    def add_latency(self, latency_ns: int, *, live: bool) -> None:
+        """Take in how old a sample was when it was used [ns].
+
+        Args:
+            latency_ns: from its stamp to now; negative for a stamp in the future.
+            live: whether it is of now; a recording that is played may be as old as it is.
+        """
+        self._watch.add_latency(latency_ns, live=live)
 
     def forget(self, taxels: int) -> None:
         """Another array speaks from now on."""
@@ -128,7 +133,7 @@ class ArrayWatch:
         most = int(np.argmax(span))
         if span[most] > MUCH_MORE * span[self._taxel]:
             self._taxel = most
-            self._watch.forget()
+            self._watch.forget_readings()
 
     def _spans(self) -> FloatArray:
         """Return the range of displacement and force of each taxel, shape (2, taxels)."""

@@ -83,6 +83,14 @@ class SuspicionWatch:
         self._parts = self._found = None
         self.suspicions = []
 
+    def forget_readings(self) -> None:
+        """Another sensor speaks from now on, by the same clock: of that is known what was."""
+        stamps = self._stamps
+        seen = {key: n for key, n in self._seen.items() if key[0] == Check.CLOCK.value}
+        kept = [s for s in self.suspicions if s.check is Check.CLOCK and s.channel == "samples"]
+        self.forget()
+        self._stamps, self._seen, self.suspicions = stamps, seen, kept
+
     def add(self, stamp_ns: int, displacement_mm: float, force_n: float) -> None:
         """Take in a sample; NaN where there is no reading of a channel."""
         if self._origin_ns is None:
