@@ -1,4 +1,4 @@
-"""How long single samples take: shares of the time between two readings, the collector as it was."""
+"""How long single samples take: shares of the time between readings; the collector as it was."""
 
 import gc
 
