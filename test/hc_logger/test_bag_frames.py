@@ -88,9 +88,11 @@ def test_of_several_frames_one_is_asked_for(tmp_path: Path) -> None:
 def test_hc_doctor_reads_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bag = arm_bag(tmp_path / "bag", "camera")
     frames = ("position.child_frame=tool0", "position.base_frame=base", "position.sign=-1")
-    words = [word for name in frames for word in ("--input", name)]
+    turned = ("position.zero=-300", "force.sign=-1")  # so that there is something to type
+    words = [word for name in (*frames, *turned) for word in ("--input", name)]
     main(["doctor", str(bag), *words])
     out = " ".join(capsys.readouterr().out.split())
     assert "displacement of /tf (frame tool0 in base along z)" in out
     assert "hc estimate" in out
+    assert "--input force.sign=1" in out
     assert "--input position.base_frame=base" in out  # what it says to type reads the frame, too

@@ -167,7 +167,7 @@ def _is_one(bank: Any, delay: float, likeliest: float) -> bool:
     # Nor is it a delay that averages the positions of two points, however little that leaves.
     lost += fit.averaged
     evidence = log_evidence(fit, fit.squares) - 0.5 * (lost + (delay / LATE_DEVIATION) ** 2)
-    return abs(finder.delay + delay) <= LARGEST and evidence >= likeliest
+    return bool(abs(finder.delay + delay) <= LARGEST and evidence >= likeliest)
 
 
 @compiled
