@@ -59,20 +59,17 @@ def forget(finder: Any) -> None:
 @compiled
 def fit_anew(finder: Any) -> None:
     """What was fitted no longer holds; the points that are kept do."""
-    finder.fitted = 0
     finder.clear = 0
-    finder.fits = 0
-    _end_fit(finder)
+    _forget_fit(finder)
 
 
 @compiled
-def _end_fit(finder: Any) -> None:
-    """A fit that goes on is of points that are others now; the next window begins one."""
-    if finder.stage != IDLE:
-        finder.stage = IDLE
-        finder.side = 0
-        finder.fitted = 0
-        finder.fits = 0
+def _forget_fit(finder: Any) -> None:
+    """The next window begins another fit, from the first laws on."""
+    finder.fitted = 0
+    finder.fits = 0
+    finder.stage = IDLE
+    finder.side = 0
 
 
 @compiled
@@ -85,7 +82,8 @@ def move(finder: Any, displacement: float, force: float) -> None:
             candidate.displacement -= displacement
         for i in range(4):
             kept_point.forces[i] -= force
-    _end_fit(finder)
+    if finder.stage != IDLE:  # the fit that goes on is of points that are others now
+        _forget_fit(finder)
 
 
 @compiled

@@ -82,16 +82,15 @@ def _variance_of_delay(fit: Any) -> float:
 
 
 @compiled
-def begin(settings: Any, bank: Any) -> bool:
+def begin(settings: Any, bank: Any, first: int) -> bool:
     """Begin to fit tissue that stays under a surface that moves, with a delay; False if none can.
 
     Args:
         settings: settings record.
         bank: its records `moving` and `fit` are changed; `search` has the points.
+        first: number of the oldest point.
     """
     moving, fit, history = bank.moving, bank.fit, bank.search.history
-    first = histories.of_place(history)
-    first = spline.first_in_reach(history, first, history.count)
     if not spline.lay_out_at_zeros(settings, history, fit, first, history.count, MOVES):
         _note_none(moving)
         return False

@@ -29,7 +29,6 @@ from hc_estimator.multiple_model import (
     moving_rows,
     spline,
     spline_descent,
-    spline_start,
 )
 from hc_estimator.multiple_model import search as searches
 from hc_estimator.multiple_model.moving_kinds import LIKELIER, ORDER, RELAXING
@@ -138,19 +137,11 @@ def _begin_kind(settings: Any, bank: Any, k: int) -> None:
     """Begin to fit a kind, or the next that can be; conclude where there is none."""
     while k < ORDER.size:
         if _lay_out(settings, bank, ORDER[k]):
-            _begin_fit(settings, bank)
+            searches.begin_fit(settings, bank)
             bank.moving.stage = k + 1
             return
         k += 1
     _conclude(settings, bank)
-
-
-@compiled
-def _begin_fit(settings: Any, bank: Any) -> None:
-    """Begin a fit that is laid out near the row in charge."""
-    row = bank.rows[bank.judge.chosen]
-    spline_start.begin(settings, bank.search.history, bank.fit, row)
-    spline_descent.begin(settings, bank.fit)
 
 
 @compiled
@@ -176,10 +167,11 @@ def _conclude(settings: Any, bank: Any) -> None:
     if found == RELAXING or moving_kinds.relaxes(moving, found):
         judging.keep_to_fit(judge, bank.rows, clock, RELAXES_FOR)
         moving.found = -1
-    if varies and math.isnan(settings.channel_delay) and moving_delay.begin(settings, bank):
-        moving.stage = LATE
-        return
-    if not varies:
+    if varies and math.isnan(settings.channel_delay):
+        if moving_delay.begin(settings, bank, _oldest(bank.search.history)):
+            moving.stage = LATE
+            return
+    elif not varies:
         moving.agreeing = 0
     _begin_found(settings, bank)
 
@@ -197,7 +189,7 @@ def _begin_found(settings: Any, bank: Any) -> None:
     searches.begin(bank)
     if not _lay_out(settings, bank, kind):
         return
-    _begin_fit(settings, bank)
+    searches.begin_fit(settings, bank)
     # The points that have come since are few: its knots are next to where they were.
     if fit.unknowns == moving.unknowns[moving.found]:
         copy_vector(moving.values[moving.found], fit.values)
@@ -213,5 +205,5 @@ def look_for_moving(settings: Any, bank: Any) -> None:
     """
     searches.begin(bank)
     if _lay_out(settings, bank, MOVES):
-        _begin_fit(settings, bank)
+        searches.begin_fit(settings, bank)
         bank.moving.stage = AT_NEW_ZEROS

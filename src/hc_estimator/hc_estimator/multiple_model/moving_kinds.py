@@ -72,8 +72,7 @@ def note(bank: Any, k: int) -> float:
     fit, moving, left = bank.fit, bank.moving, bank.fit.squares
     copy_vector(fit.values, moving.values[k])
     moving.unknowns[k] = fit.unknowns
-    released = spline.share_released(bank.search.history, fit)
-    if k == RELAXING and not released > LEAST_RELEASED:
+    if k == RELAXING and not spline.share_released(bank.search.history, fit) > LEAST_RELEASED:
         return math.inf
     if math.isfinite(left) and fit.expected > 0.0:
         moving.left[k] = left / fit.expected

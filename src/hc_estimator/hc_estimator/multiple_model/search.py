@@ -17,7 +17,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model import spline, spline_descent
+from hc_estimator.multiple_model import spline, spline_descent, spline_start
 from hc_estimator.multiple_model.spline_records import PASS_BEGINS, SOLVED
 
 STEP_TIME = 0.001  # that passes for each step [s]
@@ -46,6 +46,14 @@ def begin(bank: Any) -> None:
     noise = histories.noise_of_points(bank)
     for i in range(3):
         search.noise[i] = noise[i]
+
+
+@compiled
+def begin_fit(settings: Any, bank: Any) -> None:
+    """Begin a fit that is laid out over the kept points near the row in charge."""
+    row = bank.rows[bank.judge.chosen]
+    spline_start.begin(settings, bank.search.history, bank.fit, row)
+    spline_descent.begin(settings, bank.fit)
 
 
 @compiled

@@ -157,8 +157,9 @@ def _end_pass(settings: Any, history: Any, fit: Any) -> None:
         _break_down(fit)
         return
     fit.passes += 1
-    goes_on = fit.passes < PASSES and not squares > HOPELESS * fit.expected
-    if not squares > HOPELESS * fit.expected:
+    hopeless = squares > HOPELESS * fit.expected
+    goes_on = fit.passes < PASSES and not hopeless
+    if not hopeless:
         if learn_wandering(fit) and abs(fit.before - squares) < SETTLED * squares:
             goes_on = False
         if not _factorise(fit):

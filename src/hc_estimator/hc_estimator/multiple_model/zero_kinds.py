@@ -18,11 +18,10 @@ from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import (
     air_window,
     spline,
-    spline_descent,
-    spline_start,
     zero_rival,
 )
 from hc_estimator.multiple_model import history as histories
+from hc_estimator.multiple_model import search as searches
 from hc_estimator.multiple_model.hypotheses import BREATHES, OWN, SURFACE
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.spline_fit import CONSISTENT
@@ -96,18 +95,10 @@ def _begin_next(settings: Any, bank: Any) -> None:
             fit.air_zero_deviation = zeros.air_deviation
             first = zeros.near if kind & (VARIES + MOVES) != 0 else zeros.first
             if spline.lay_out(history, fit, first, history.count, kind):
-                _begin_fit(settings, bank)
+                searches.begin_fit(settings, bank)
                 zeros.stage = OF_KIND
                 return
         zeros.kind += 1
-
-
-@compiled
-def _begin_fit(settings: Any, bank: Any) -> None:
-    """Begin a fit that is laid out near the row in charge."""
-    row = bank.rows[bank.judge.chosen]
-    spline_start.begin(settings, bank.search.history, bank.fit, row)
-    spline_descent.begin(settings, bank.fit)
 
 
 @compiled
@@ -128,7 +119,7 @@ def take(settings: Any, bank: Any) -> bool:
     in_air = fit.values[spline.POSITION] < bank.air.window.mean[0]
     if zeros.stage == OF_KIND and zeros.air_deviation < math.inf and in_air:
         fit.air_zero_deviation = math.inf  # that was no air
-        _begin_fit(settings, bank)
+        searches.begin_fit(settings, bank)
         zeros.stage = KIND_IN_AIR
         return False
     zeros.stage = IDLE

@@ -14,7 +14,8 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import spline, spline_descent, spline_start
+from hc_estimator.multiple_model import search as searches
+from hc_estimator.multiple_model import spline
 from hc_estimator.multiple_model.hypotheses import BREATHES
 from hc_estimator.multiple_model.moving_rows import KINDS_OF
 from hc_estimator.multiple_model.spline_fit import CONSISTENT
@@ -43,8 +44,7 @@ def begin(settings: Any, bank: Any, first: int) -> bool:
     kind = kind_in_charge(bank)
     if not spline.lay_out_at_zeros(settings, history, fit, first, history.count, kind):
         return False
-    spline_start.begin(settings, history, fit, row)
-    spline_descent.begin(settings, fit)
+    searches.begin_fit(settings, bank)
     return True
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator.stream.readings import Check, Suspicion
+from hc_msgs_py.units import NANOSECONDS
 
 WINDOW_S: Final = 2.0
 """The age of its youngest reading stands for a window."""
@@ -25,7 +26,6 @@ EVENLY: Final = 0.1
 """Of the growth: so far windows may lie off the line, in the root mean square."""
 STEADILY: Final = 0.25
 """Of the rate: so far that of either half may be another."""
-NANOSECOND_S: Final = 1e-9
 
 
 class ClockDrift:
@@ -95,7 +95,7 @@ class ClockDrift:
             return 0.0
         time_s = np.array([window[0] for window in self._windows])
         apart_ns = [first_ns - second_ns for _s, first_ns, second_ns in self._windows]
-        ahead_s = NANOSECOND_S * np.array([ns - apart_ns[0] for ns in apart_ns], np.float64)
+        ahead_s = np.array([ns - apart_ns[0] for ns in apart_ns], np.float64) / NANOSECONDS
         rate, off_s = _line(time_s, ahead_s)
         growth_s = abs(rate) * self.span_s
         if growth_s < LEAST_GROWTH_S or off_s > EVENLY * growth_s:
