@@ -37,6 +37,8 @@ RECORDS = {  # what a variable of that name is, in every kernel
     "change": "change",
     "maneuver": "maneuver",
     "kept": "kept row",
+    "kept_fit": "kept fit",
+    "asked": "asked",
     "history": "history",
     "search": "search",
     "fit": "fit",
@@ -84,6 +86,8 @@ OWNERS = {
     "change": ("multiple_model/change", "multiple_model/zero_step"),
     "maneuver": ("multiple_model/maneuver", "multiple_model/departure"),
     "kept row": ("multiple_model/maneuver",),
+    "kept fit": ("multiple_model/spline_resumed",),
+    "asked": ("multiple_model/asked_kinds",),
     "history": ("multiple_model/history", "multiple_model/batch_fit"),
     "search": ("multiple_model/search",),
     "fit": (

@@ -36,7 +36,7 @@ from hc_estimator.specification import (
 from hc_estimator.state_space import registry as state_space_registry
 from hc_estimator.state_space.registry import STATE_SPACES
 
-STATE_FORMAT = 55  # of Estimator.state(); raised when its meaning changes
+STATE_FORMAT = 56  # of Estimator.state(); raised when its meaning changes
 
 
 def _all_specifications() -> dict[str, ParameterSpecification]:

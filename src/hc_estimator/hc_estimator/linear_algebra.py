@@ -1,4 +1,8 @@
-"""Small dense linear algebra for the kernels, on preallocated arrays."""
+"""Small dense linear algebra for the kernels, on preallocated arrays.
+
+The same to the bit on every processor. Libraries choose the order of their sums by the processor,
+and of two machines each would compute the estimates of the other a little differently.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +15,8 @@ from hc_estimator.compilation import compiled
 
 # A pivot this much smaller than its diagonal element is rounding error, not information.
 PIVOT_TOLERANCE = 1e-15
+MOST_SWEEPS = 20  # of rotations over a matrix; from any matrix five or six are enough
+ROUNDING = 1e-16  # of the diagonal, up to which what is beside it is zero
 
 
 # Plain loops instead of slice assignments: numba's own drag in its string formatting for the errors
@@ -97,3 +103,52 @@ def leading_cholesky(matrix: NDArray[np.float64], factor: NDArray[np.float64], n
         for i in range(j):
             factor[i, j] = 0.0
     return True
+
+
+@compiled
+def eigen(matrix: NDArray[np.float64], vectors: NDArray[np.float64]) -> None:
+    """Eigenvalues and eigenvectors of a small symmetric matrix, by Jacobi's rotations.
+
+    (Golub and Van Loan, Matrix Computations, 2013, 8.5.)
+
+    Args:
+        matrix: finite, shape (n, n); its diagonal takes the eigenvalues, in no order.
+        vectors: its columns take the eigenvectors, shape (n, n).
+    """
+    n = matrix.shape[0]
+    for i in range(n):
+        for j in range(n):
+            vectors[i, j] = 1.0 if i == j else 0.0
+    for _ in range(MOST_SWEEPS):
+        rotations = 0
+        for i in range(n - 1):
+            for j in range(i + 1, n):
+                beside = matrix[i, j]
+                if abs(beside) > ROUNDING * math.sqrt(abs(matrix[i, i] * matrix[j, j])):
+                    _rotate(matrix, vectors, i, j)
+                    rotations += 1
+        if rotations == 0:
+            return
+
+
+@compiled
+def _rotate(matrix: NDArray[np.float64], vectors: NDArray[np.float64], i: int, j: int) -> None:
+    """Rotate so that element i, j becomes zero."""
+    beside = matrix[i, j]
+    ratio = (matrix[j, j] - matrix[i, i]) / (2.0 * beside)
+    tangent = 1.0 / (abs(ratio) + math.sqrt(ratio * ratio + 1.0))
+    if ratio < 0.0:
+        tangent = -tangent
+    cosine = 1.0 / math.sqrt(tangent * tangent + 1.0)
+    sine = tangent * cosine
+    matrix[i, i] -= tangent * beside
+    matrix[j, j] += tangent * beside
+    matrix[i, j] = matrix[j, i] = 0.0
+    for k in range(matrix.shape[0]):
+        if k not in (i, j):
+            first, second = matrix[k, i], matrix[k, j]
+            matrix[k, i] = matrix[i, k] = cosine * first - sine * second
+            matrix[k, j] = matrix[j, k] = sine * first + cosine * second
+        first, second = vectors[k, i], vectors[k, j]
+        vectors[k, i] = cosine * first - sine * second
+        vectors[k, j] = sine * first + cosine * second

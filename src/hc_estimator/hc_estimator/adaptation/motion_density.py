@@ -41,7 +41,7 @@ SPECIFICATIONS = (
 )
 
 MOTION_MEMORY = 400.0  # readings over which the bank's innovations are averaged
-INDICES = 10.0 ** np.arange(-14.0, 3.25, 0.5)
+INDICES = np.array([10.0 ** (0.5 * k) for k in range(-28, 7)])
 MEMBERS = INDICES.size
 FIRST_READINGS = 3  # the bank starts from the parabola through them
 SETTLED_READINGS = 100  # in the mean before a member's motion is used
@@ -59,6 +59,31 @@ SMALLEST_CORRECTION, LARGEST_CORRECTION = -4.0, 3.0  # of the logarithm of the s
 BIAS_DRIFT = 1.0
 BIAS_LIMIT = 8.0
 LARGEST_TERM = 4.0  # one spike must not start a member anew
+
+
+def _product(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Products of 3 x 3 matrices, shape (M, 3, 3), the same to the bit on every processor.
+
+    The library's sum up in an order that depends on the processor, and so would all that is
+    estimated with this bank.
+    """
+    columns = [one[:, :, k, None] * other[:, None, k, :] for k in range(3)]
+    return columns[0] + columns[1] + columns[2]
+
+
+def _inverse(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Inverses of 3 x 3 matrices by Gauss and Jordan, as `_product`; no pivot is small here."""
+    left, inverse = matrices.copy(), np.broadcast_to(np.eye(3), matrices.shape).copy()
+    for i in range(3):
+        pivot = left[:, i, i, None].copy()
+        left[:, i] /= pivot
+        inverse[:, i] /= pivot
+        for j in range(3):
+            if j != i:
+                share = left[:, j, i, None].copy()
+                left[:, j] -= share * left[:, i]
+                inverse[:, j] -= share * inverse[:, i]
+    return inverse
 
 
 def steady_state(indices: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -83,12 +108,12 @@ def steady_state(indices: NDArray[np.float64]) -> NDArray[np.float64]:
     h = indices[:, None, None] * noise
     identity = np.eye(3)
     for _ in range(40):
-        inverse = np.linalg.inv(identity + g @ h)
-        transposed = a.transpose(0, 2, 1)
+        inverse = _inverse(identity + _product(g, h))
+        back = a.transpose(0, 2, 1)
         h, g, a = (
-            h + transposed @ h @ inverse @ a,
-            g + a @ inverse @ g @ transposed,
-            a @ inverse @ a,
+            h + _product(_product(_product(back, h), inverse), a),
+            g + _product(_product(_product(a, inverse), g), back),
+            _product(_product(a, inverse), a),
         )
     variance = h[:, 0, 0] + 1.0
     gain = h[:, :, 0] / variance[:, None]
@@ -97,7 +122,7 @@ def steady_state(indices: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 BANK = steady_state(INDICES)
-LOG_VARIANCE = np.log(BANK[:, 0])
+LOG_VARIANCE = np.array([math.log(variance) for variance in BANK[:, 0]])
 
 
 def settling_readings(gains: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -12,10 +12,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import cholesky, clear_matrix, copy_matrix
+from hc_estimator.linear_algebra import cholesky, clear_matrix, copy_matrix, eigen
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.kalman import exp_limited, force_of
 from hc_estimator.multiple_model.levenberg_marquardt import solve
@@ -160,14 +158,15 @@ def take_off_velocity_noise(settings: Any, history: Any, weight: float, independ
             finite = finite and math.isfinite(total)
     if not finite:
         return
-    share, direction = np.linalg.eigh(shares)
+    direction = history.direction
+    eigen(shares, direction)
     clear_matrix(history.covariance)
     for m in range(4):
         for i in range(4):
             way[i] = 0.0
             for j in range(i + 1):
                 way[i] += factor[i, j] * direction[j, m]
-        left = max(1.0 - share[m], min(_prior_information(settings, way), 1.0), LEAST_SHARE)
+        left = max(1.0 - shares[m, m], min(_prior_information(settings, way), 1.0), LEAST_SHARE)
         for i in range(4):
             for j in range(4):
                 free = not (is_held(settings, i) or is_held(settings, j))

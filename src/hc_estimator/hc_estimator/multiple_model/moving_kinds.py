@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import copy_vector
-from hc_estimator.multiple_model import moving_delay, spline
+from hc_estimator.multiple_model import asked_kinds, moving_delay, spline, spline_resumed
 from hc_estimator.multiple_model.spline_fit import CONSISTENT
 from hc_estimator.multiple_model.spline_prior import log_evidence
 from hc_estimator.multiple_model.spline_records import (
@@ -50,6 +49,7 @@ ORDER = np.array(
     ]
 )
 RELAXING = int(np.flatnonzero(ORDER == RELAXES)[0])
+MOVING = int(np.flatnonzero(ORDER == MOVES)[0])
 # Log evidence by which a freer one is believed instead. A spline between its knots is off by more
 # than the noise on the flank of a narrow lump, and a surface that moves would make up for it. A
 # stiffness that drifts has as few unknowns as a surface that sinks, and is no calmer; nor is a
@@ -58,26 +58,44 @@ LIKELIER = np.array([150.0, 10.0, 3.0, 10.0, 3.0, 150.0, 10.0, 10.0, 0.0])
 
 
 @compiled
-def forget(moving: Any) -> None:
-    """No kind is fitted yet."""
+def reset(moving: Any) -> None:
+    """No kind was ever fitted to this tissue."""
+    moving.found = -1
+    asked_kinds.forget(moving.asked)
+    for k in range(ORDER.size):
+        spline_resumed.forget(moving.kept[k])
+
+
+@compiled
+def begin(bank: Any) -> None:
+    """Forget what speaks for the kinds; what they left is known until they are asked again."""
+    moving = bank.moving
+    asked_kinds.begin(moving.asked, bank.search.history.version)
     for k in range(ORDER.size):
         moving.evidence[k] = -math.inf
         moving.in_step[k] = -math.inf
-        moving.left[k] = math.inf
+
+
+@compiled
+def is_asked(bank: Any, k: int) -> bool:
+    """False for a kind that left far more than noise not long ago, while another explains all."""
+    moving, clock = bank.moving, bank.tool.contact_clock
+    return not (moving.found >= 0 and asked_kinds.is_ruled_out(moving.asked, k, clock))
 
 
 @compiled
 def note(bank: Any, k: int) -> float:
     """Note the evidence of a kind that is solved; by how much a freer one can lower its squares."""
     fit, moving, left = bank.fit, bank.moving, bank.fit.squares
-    copy_vector(fit.values, moving.values[k])
-    moving.unknowns[k] = fit.unknowns
+    spline_resumed.forget(moving.kept[k])
+    sound = math.isfinite(left) and fit.expected > 0.0
     if k == RELAXING and not spline.share_released(bank.search.history, fit) > LEAST_RELEASED:
+        sound = False
+    share = left / fit.expected if sound else math.inf
+    asked_kinds.note(moving.asked, k, share, bank.tool.contact_clock)
+    if not share < CONSISTENT:
         return math.inf
-    if math.isfinite(left) and fit.expected > 0.0:
-        moving.left[k] = left / fit.expected
-    if not left < CONSISTENT * fit.expected:
-        return math.inf
+    spline_resumed.keep(bank.search.history, fit, moving.kept[k])
     own_delay = moving_delay.cost_of_none(fit)
     moving.evidence[k] = log_evidence(fit, left)
     moving.in_step[k] = moving.evidence[k] - own_delay
@@ -87,7 +105,7 @@ def note(bank: Any, k: int) -> float:
 @compiled
 def relaxes(moving: Any, found: int) -> bool:
     """True if the tissue relaxes, though that does not explain it to within the noise."""
-    left, relaxing = moving.left, moving.left[RELAXING]
+    left, relaxing = moving.asked.left, moving.asked.left[RELAXING]
     if found >= 0 and ORDER[found] & MOVES == 0:
         return False
     if not relaxing < EXPLAINS * left[0]:  # ORDER begins with tissue that stays

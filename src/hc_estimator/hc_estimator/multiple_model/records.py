@@ -229,6 +229,7 @@ HISTORY = record_type(
         Field("damped", np.float64, (4, 4)),
         Field("factor", np.float64, (4, 4)),
         Field("covariance", np.float64, (4, 4)),
+        Field("direction", np.float64, (4, 4)),  # eigenvectors of its share
         Field("false", np.float64, (4, 4)),  # information that is noise of the velocity
     )
 )

@@ -17,6 +17,8 @@ a hand's tremor of 8 Hz makes 6 % too small and one of 16 Hz 22 %, the quintic's
 
 from __future__ import annotations
 
+import math
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -40,8 +42,30 @@ NARROW = 0.5
 BY_CUBIC, BY_QUINTIC = 0, 1  # in `slopes`
 
 
+def _polynomials(m: int) -> list[list[Fraction]]:
+    """Orthogonal polynomials of degrees 0 to QUINTIC on -m to m (Forsythe, SIAM J. 5, 1957)."""
+    nodes = [Fraction(j) for j in range(-m, m + 1)]
+    found = [[Fraction(1) for _ in nodes]]
+    for degree in range(QUINTIC):
+        latest = found[-1]
+        following = [x * y for x, y in zip(nodes, latest, strict=True)]
+        if degree > 0:
+            share = _product(latest, latest) / _product(found[-2], found[-2])
+            following = [y - share * z for y, z in zip(following, found[-2], strict=True)]
+        found.append(following)
+    return found
+
+
+def _product(one: list[Fraction], other: list[Fraction]) -> Fraction:
+    """Inner product."""
+    return sum((x * y for x, y in zip(one, other, strict=True)), Fraction(0))
+
+
 def _quintics() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Weights of the slopes of a cubic and a quintic by neighbours; its orthonormal polynomials.
+
+    In fractions: the linear algebra of two processors rounds differently, and so would all that is
+    estimated with them.
 
     Returns:
         Shapes (2, NEIGHBOURS + 1, points) and (NEIGHBOURS + 1, QUINTIC + 1, points).
@@ -50,10 +74,21 @@ def _quintics() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     slopes = np.zeros((2, NEIGHBOURS + 1, points))
     bases = np.zeros((NEIGHBOURS + 1, QUINTIC + 1, points))
     for m in range(FEWEST_NEIGHBOURS, NEIGHBOURS + 1):
-        powers = np.vander(np.arange(-m, m + 1.0), QUINTIC + 1, increasing=True)
+        polynomials = _polynomials(m)
+        norms = [_product(values, values) for values in polynomials]
+        # Slope in the middle of a polynomial that is odd, by a central difference of order six.
+        middle = [
+            45 * (v[m + 1] - v[m - 1]) - 9 * (v[m + 2] - v[m - 2]) + v[m + 3] - v[m - 3]
+            for v in polynomials
+        ]
         for i, degree in enumerate((CUBIC, QUINTIC)):
-            slopes[i, m, : 2 * m + 1] = np.linalg.pinv(powers[:, : degree + 1])[1]
-        bases[m, :, : 2 * m + 1] = np.linalg.qr(powers)[0].T
+            for j in range(2 * m + 1):
+                weights = (middle[k] * polynomials[k][j] / norms[k] for k in range(degree + 1))
+                slopes[i, m, j] = float(sum(weights) / 60)
+        for k, values in enumerate(polynomials):
+            root = math.sqrt(norms[k])
+            for j, value in enumerate(values):
+                bases[m, k, j] = float(value) / root
     return slopes, bases
 
 

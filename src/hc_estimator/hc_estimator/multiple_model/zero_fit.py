@@ -33,8 +33,8 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector, copy_matrix, copy_vector
-from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import (
+    asked_kinds,
     place_delay,
     spline,
     spline_descent,
@@ -43,6 +43,7 @@ from hc_estimator.multiple_model import (
     zero_kinds,
     zero_sensitivity,
 )
+from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import search as searches
 from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, SURFACE_ROW, is_tried
 from hc_estimator.multiple_model.rows import is_held
@@ -131,6 +132,7 @@ def restart(zeros: Any) -> None:
     zeros.since = 0.0
     zeros.refuted_since = math.inf
     zeros.looked_at = -math.inf
+    asked_kinds.forget(zeros.asked)
 
 
 @compiled

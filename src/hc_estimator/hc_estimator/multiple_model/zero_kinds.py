@@ -17,6 +17,7 @@ from hc_estimator.adaptation import noise_color
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import (
     air_window,
+    asked_kinds,
     spline,
     zero_rival,
 )
@@ -70,6 +71,7 @@ def begin(settings: Any, bank: Any) -> None:
         zeros.air_zero = air[0]
         zeros.air_deviation = air[1]
     zeros.misfit = math.inf
+    asked_kinds.begin(zeros.asked, history.version)
     zeros.rival = -math.inf
     zeros.in_charge = zero_rival.kind_in_charge(bank)
     zeros.kind = 0
@@ -83,9 +85,14 @@ def begin(settings: Any, bank: Any) -> None:
 def _begin_next(settings: Any, bank: Any) -> None:
     """Begin with zeros.kind, or the next that may be; IDLE if there is none."""
     zeros, history, fit = bank.zeros, bank.search.history, bank.fit
+    clock = bank.tool.contact_clock
     zeros.stage = IDLE
     while zeros.kind < KINDS.size:
         kind = KINDS[zeros.kind]
+        if zeros.rival > -math.inf and asked_kinds.is_ruled_out(zeros.asked, zeros.kind, clock):
+            zeros.misfit = min(zeros.misfit, zeros.asked.left[zeros.kind])
+            zeros.kind += 1
+            continue
         least = LEAST_TIME if kind == STAYS else LEAST_TIME_VARYING
         if zeros.span >= least and (kind != MOVES or zeros.breathes != 0):
             spline.free_all(settings, fit)
@@ -123,6 +130,8 @@ def take(settings: Any, bank: Any) -> bool:
         zeros.stage = KIND_IN_AIR
         return False
     zeros.stage = IDLE
+    left = fit.squares / fit.expected if fit.expected > 0.0 else math.inf
+    asked_kinds.note(zeros.asked, zeros.kind, left, bank.tool.contact_clock)
     if not explains:
         zeros.kind += 1
         _begin_next(settings, bank)

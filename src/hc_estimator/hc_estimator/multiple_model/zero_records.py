@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hc_estimator.memory import Field, record_type
+from hc_estimator.multiple_model.spline_records import ASKED
 
 # A choice of unknowns is the sum of these.
 NONE, OF_POSITION, OF_FORCE, OF_DELAY = 0, 1, 2, 4
@@ -57,6 +58,7 @@ ZEROS = record_type(
         Field("stage", np.int64, (), 0, AS_THEY_ARE),
         Field("possible", np.int64, (), 0, 3),  # zeros that may be off
         Field("kind", np.int64, (), 0, 4),  # number of the one that is fitted
+        Field("asked", ASKED),
         Field("first", np.int64, (), 0),  # number of the oldest point
         Field("near", np.int64, (), 0),  # and of the oldest over which knots are close enough
         Field("span", np.float64),  # time over all of them [s]
