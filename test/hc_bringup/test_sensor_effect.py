@@ -124,8 +124,19 @@ def test_a_median_is_named():
     assert found.findings[0].cost == UNKNOWN
 
 
-@pytest.mark.parametrize("name", ["sines", "presses", "taps", "scans"])
-@pytest.mark.parametrize("share", [0.01, 0.04])
+@pytest.mark.parametrize(
+    ("name", "share"),
+    [
+        ("sines", 0.01),
+        ("presses", 0.01),
+        ("taps", 0.04),
+        ("scans", 0.04),
+        pytest.param("sines", 0.04, marks=pytest.mark.slow),
+        pytest.param("presses", 0.04, marks=pytest.mark.slow),
+        pytest.param("taps", 0.01, marks=pytest.mark.slow),
+        pytest.param("scans", 0.01, marks=pytest.mark.slow),
+    ],
+)
 def test_a_force_sensor_that_remembers_is_named(name, share):
     """Regression: K 37 % off in nine of ten such contacts, and no line that says why."""
     time_s, depth = motion(name)
@@ -174,10 +185,18 @@ def untared(_time_s, depth, force):
     return depth, force + 0.4
 
 
-@pytest.mark.parametrize("name", ["sines", "presses", "taps", "scans"])
+MOTIONS = ("sines", "presses", "taps", "scans")
+NO_FILTERS = (late, early, viscous, with_play, with_friction, yielding, relaxing, untared)
+
+
 @pytest.mark.parametrize(
-    "change",
-    [late, early, viscous, with_play, with_friction, yielding, relaxing, untared],
+    ("name", "change"),
+    [
+        # Each in one motion; in all of them they take a minute and a half.
+        pytest.param(name, change, marks=() if (i + k) % 4 == 0 else pytest.mark.slow)
+        for i, name in enumerate(MOTIONS)
+        for k, change in enumerate(NO_FILTERS)
+    ],
 )
 def test_what_is_no_filter_and_no_memory_is_not_called_one(name, change):
     time_s, depth = motion(name)

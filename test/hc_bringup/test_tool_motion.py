@@ -62,6 +62,7 @@ def test_a_zero_that_is_off_is_that_of_a_tool_at_rest():
     assert found.estimated.parameters[0] == pytest.approx(K, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_delay_comes_first():
     """By the motion of another time the mass was 0.08 of 0.3 kg, and K 2 % off and sure."""
     time_s, place, force = presses()

@@ -31,7 +31,10 @@ def followed(contact, **settings):
     return error, estimator
 
 
-@pytest.mark.parametrize(("name", "share"), [("own_damping", 0.8), ("layers", 0.95)])
+@pytest.mark.parametrize(
+    ("name", "share"),
+    [pytest.param("own_damping", 0.8, marks=pytest.mark.slow), ("layers", 0.95)],
+)
 def test_tissue_that_varies_in_more_than_its_stiffness_is_followed_more_closely(name, share):
     contacts = [scan(name, seed) for seed in range(1002, 1006)]
     found = np.concatenate([followed(contact)[0] for contact in contacts])

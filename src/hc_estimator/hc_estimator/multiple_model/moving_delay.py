@@ -17,7 +17,7 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector
 from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model import spline, spline_descent, spline_resumed, spline_start
+from hc_estimator.multiple_model import spline, spline_descent, spline_start
 from hc_estimator.multiple_model.delay import BEGINS, LARGEST
 from hc_estimator.multiple_model.delay_evidence import CORRECTION
 from hc_estimator.multiple_model.kalman import exp_limited
@@ -82,14 +82,13 @@ def _variance_of_delay(fit: Any) -> float:
 
 
 @compiled
-def begin(settings: Any, bank: Any, first: int, kept_fit: Any) -> bool:
+def begin(settings: Any, bank: Any, first: int) -> bool:
     """Begin to fit tissue that stays under a surface that moves, with a delay; False if none can.
 
     Args:
         settings: settings record.
         bank: its records `moving` and `fit` are changed; `search` has the points.
         first: number of the oldest point.
-        kept_fit: the latest of such a tissue in step, if that explained the points.
     """
     moving, fit, history = bank.moving, bank.fit, bank.search.history
     if not spline.lay_out_at_zeros(settings, history, fit, first, history.count, MOVES):
@@ -98,7 +97,6 @@ def begin(settings: Any, bank: Any, first: int, kept_fit: Any) -> bool:
     fit.delay_deviation = LATE_DEVIATION
     fit.spacing = bank.delay.grid_step * history.every
     spline_start.begin(settings, history, fit, bank.rows[bank.judge.chosen])
-    spline_resumed.begin(history, fit, kept_fit)
     if moving.delay != 0.0:  # from none on the next one may end where no law fits
         steps = round(moving.delay / fit.spacing)
         fit.shift = min(max(steps, -LARGEST_SHIFT), LARGEST_SHIFT)

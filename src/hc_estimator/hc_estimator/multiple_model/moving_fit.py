@@ -20,6 +20,7 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import copy_vector
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model import (
@@ -28,10 +29,9 @@ from hc_estimator.multiple_model import (
     moving_rows,
     spline,
     spline_descent,
-    spline_resumed,
 )
 from hc_estimator.multiple_model import search as searches
-from hc_estimator.multiple_model.moving_kinds import LIKELIER, MOVING, ORDER, RELAXING
+from hc_estimator.multiple_model.moving_kinds import LIKELIER, ORDER, RELAXING
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import is_held
 from hc_estimator.multiple_model.spline_fit import CONSISTENT
@@ -138,19 +138,11 @@ def _begin_kind(settings: Any, bank: Any, k: int) -> None:
     """Begin to fit a kind, or the next that can be; conclude where there is none."""
     while k < ORDER.size:
         if moving_kinds.is_asked(bank, k) and _lay_out(settings, bank, ORDER[k]):
-            _begin_fit(settings, bank, k)
+            searches.begin_fit(settings, bank)
             bank.moving.stage = k + 1
             return
         k += 1
     _conclude(settings, bank)
-
-
-@compiled
-def _begin_fit(settings: Any, bank: Any, k: int) -> None:
-    """Begin a fit of a kind that is laid out: where the last one ended, if it explained all."""
-    searches.begin_fit(settings, bank)
-    if spline_resumed.begin(bank.search.history, bank.fit, bank.moving.kept[k]):
-        spline_descent.begin(settings, bank.fit)
 
 
 @compiled
@@ -177,8 +169,7 @@ def _conclude(settings: Any, bank: Any) -> None:
         judging.keep_to_fit(judge, bank.rows, clock, RELAXES_FOR)
         moving.found = -1
     if varies and math.isnan(settings.channel_delay):
-        oldest = _oldest(bank.search.history)
-        if moving_delay.begin(settings, bank, oldest, moving.kept[MOVING]):
+        if moving_delay.begin(settings, bank, _oldest(bank.search.history)):
             moving.stage = LATE
             return
     elif not varies:
@@ -189,7 +180,7 @@ def _conclude(settings: Any, bank: Any) -> None:
 @compiled
 def _begin_found(settings: Any, bank: Any) -> None:
     """Fit what was found once more, to the points that there are by now; end if no row says it."""
-    moving = bank.moving
+    moving, fit = bank.moving, bank.fit
     moving.stage = IDLE
     if moving.found < 0 or moving.agreeing >= moving_delay.LASTING:
         return
@@ -199,7 +190,11 @@ def _begin_found(settings: Any, bank: Any) -> None:
     searches.begin(bank)
     if not _lay_out(settings, bank, kind):
         return
-    _begin_fit(settings, bank, moving.found)
+    searches.begin_fit(settings, bank)
+    # The points that have come since are few: its knots are next to where they were.
+    if fit.unknowns == moving.unknowns[moving.found]:
+        copy_vector(moving.values[moving.found], fit.values)
+        spline_descent.begin(settings, fit)
     moving.stage = FOUND
 
 

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import asked_kinds, moving_delay, spline, spline_resumed
+from hc_estimator.linear_algebra import copy_vector
+from hc_estimator.multiple_model import asked_kinds, moving_delay, spline
 from hc_estimator.multiple_model.spline_fit import CONSISTENT
 from hc_estimator.multiple_model.spline_prior import log_evidence
 from hc_estimator.multiple_model.spline_records import (
@@ -49,7 +50,6 @@ ORDER = np.array(
     ]
 )
 RELAXING = int(np.flatnonzero(ORDER == RELAXES)[0])
-MOVING = int(np.flatnonzero(ORDER == MOVES)[0])
 # Log evidence by which a freer one is believed instead. A spline between its knots is off by more
 # than the noise on the flank of a narrow lump, and a surface that moves would make up for it. A
 # stiffness that drifts has as few unknowns as a surface that sinks, and is no calmer; nor is a
@@ -62,8 +62,6 @@ def reset(moving: Any) -> None:
     """No kind was ever fitted to this tissue."""
     moving.found = -1
     asked_kinds.forget(moving.asked)
-    for k in range(ORDER.size):
-        spline_resumed.forget(moving.kept[k])
 
 
 @compiled
@@ -78,8 +76,14 @@ def begin(bank: Any) -> None:
 
 @compiled
 def is_asked(bank: Any, k: int) -> bool:
-    """False for a kind that left far more than noise not long ago, while another explains all."""
+    """False for a kind that left far more than noise not long ago, while another explains all.
+
+    Tissue that relaxes is believed by what it leaves beside tissue that stays, be that far or not:
+    asked after four seconds it was found as much later.
+    """
     moving, clock = bank.moving, bank.tool.contact_clock
+    if k <= RELAXING:
+        return True
     return not (moving.found >= 0 and asked_kinds.is_ruled_out(moving.asked, k, clock))
 
 
@@ -87,7 +91,8 @@ def is_asked(bank: Any, k: int) -> bool:
 def note(bank: Any, k: int) -> float:
     """Note the evidence of a kind that is solved; by how much a freer one can lower its squares."""
     fit, moving, left = bank.fit, bank.moving, bank.fit.squares
-    spline_resumed.forget(moving.kept[k])
+    copy_vector(fit.values, moving.values[k])
+    moving.unknowns[k] = fit.unknowns
     sound = math.isfinite(left) and fit.expected > 0.0
     if k == RELAXING and not spline.share_released(bank.search.history, fit) > LEAST_RELEASED:
         sound = False
@@ -95,7 +100,6 @@ def note(bank: Any, k: int) -> float:
     asked_kinds.note(moving.asked, k, share, bank.tool.contact_clock)
     if not share < CONSISTENT:
         return math.inf
-    spline_resumed.keep(bank.search.history, fit, moving.kept[k])
     own_delay = moving_delay.cost_of_none(fit)
     moving.evidence[k] = log_evidence(fit, left)
     moving.in_step[k] = moving.evidence[k] - own_delay

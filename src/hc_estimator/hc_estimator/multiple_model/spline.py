@@ -192,12 +192,6 @@ def _locate_in(fit: Any, which: int, time: float) -> int:
 
 
 @compiled
-def centre(fit: Any, which: int, number: int) -> float:
-    """Time in the middle of the four intervals in which a coefficient of a spline counts [s]."""
-    return fit.begin + (number - 1) * fit.knot[which]  # type: ignore[no-any-return]
-
-
-@compiled
 def log_stiffness(fit: Any, values: Any) -> float:
     """Give ln K where `locate` was called last."""
     if not has(fit, VARIES):

@@ -87,18 +87,6 @@ ASKED = record_type(
     )
 )
 
-# A fit that explained the points, for the next one of its kind (`spline_resumed`).
-KEPT_FIT = record_type(
-    (
-        Field("version", np.int64, (), -1),  # of the history; -1: none is kept
-        Field("values", np.float64, (UNKNOWNS,)),
-        Field("begin", np.float64),  # time of the first point [s]
-        Field("latest", np.float64),  # and of the last
-        Field("knot", np.float64, (2,)),
-        Field("intervals", np.int64, (2,), 0, SPLINE - 3),
-    )
-)
-
 # What tissue and surface do, by the last fit; see `moving_fit`.
 MOVING = record_type(
     (
@@ -109,7 +97,8 @@ MOVING = record_type(
         # The same with nothing late, where a fit had a small delay of its own.
         Field("in_step", np.float64, (KINDS,), finite=False),
         Field("asked", ASKED),
-        Field("kept", KEPT_FIT, (KINDS,)),  # the latest of each kind that explained the points
+        Field("values", np.float64, (KINDS, UNKNOWNS)),  # of each fit
+        Field("unknowns", np.int64, (KINDS,), 0, UNKNOWNS),  # number of those in use
         Field("moved_at", np.float64, (), finite=False),  # contact clock: a surface moved [s]
         # Delay beside the one in use beneath such a surface, and how many fits in a row say so.
         Field("delay", np.float64),

@@ -23,7 +23,6 @@ from hc_estimator.multiple_model.spline import (
     POSITION,
     SPEED,
     VELOCITY_EXPONENT,
-    centre,
     has,
     stiffness_count,
 )
@@ -88,30 +87,13 @@ def _begin_with_surface(settings: Any, history: Any, fit: Any) -> None:
     if has(fit, SINKS):
         _lay_line(history, fit, n, slope)
         return
-    lay_surface(history, fit, n, slope, -math.inf)
-
-
-@compiled
-def lay_surface(history: Any, fit: Any, n: float, slope: float, since: float) -> None:
-    """Lay a surface that moves from a time on where the law turned round puts it.
-
-    Args:
-        history: points.
-        fit: laid out; its coefficients of the surface are changed.
-        n: exponent.
-        slope: K^(1/n).
-        since: time [s].
-    """
     k = fit.first
-    between = SPLINE_FIRST + stiffness_count(fit)
     for i in range(between, fit.unknowns):
         # A cubic spline is near its coefficient in the middle of that one's four intervals.
-        time = centre(fit, 1, i - between)
-        if time < since:
-            continue
+        time = fit.begin + (i - between - 1) * fit.knot[1]
         while k < fit.last - 1 and history.points[(k + 1) % POINTS].time < time:
             k += 1
-        fit.values[i] = _surface_at(history, fit, n, slope, k, time)
+        values[i] = _surface_at(history, fit, n, slope, k, time)
 
 
 @compiled
