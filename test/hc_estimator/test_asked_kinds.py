@@ -72,6 +72,7 @@ def test_in_an_organ_that_breathes_most_seconds_ask_few(records_of):
     assert ORDER[0] == STAYS
     searches = len(asked_at[0])
     assert searches >= 4
-    assert len(asked_at[MOVING]) < searches
-    assert min(np.diff(asked_at[MOVING])) >= asked_kinds.ASKED_EVERY
+    # As long as nothing was found all of them are, once a second.
+    assert len(asked_at[MOVING]) < 0.6 * searches
+    assert min(np.diff(asked_at[MOVING])[-3:]) >= asked_kinds.ASKED_EVERY
     assert len(asked_at[-1]) == searches  # what explains the points

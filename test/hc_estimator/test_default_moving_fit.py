@@ -106,7 +106,7 @@ def test_a_state_is_taken_back_whatever_was_asked_last():
         end = int(np.searchsorted(contact.time_s, until_s))
         estimator.run(*(channel[begin:end] for channel in readings))
         begin = end
-        kind = int(estimator._memory["fit"]["kind"])
+        kind = int(estimator._memory[0]["fit"]["kind"])
         if kind in kinds:
             continue  # to write and read a state takes fifty times as long as to look
         kinds.add(kind)
