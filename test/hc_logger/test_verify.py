@@ -122,6 +122,10 @@ def test_a_live_run_is_recomputed_to_the_last_bit(
         "damping",
         changed[0],
     )
+    assert 0.0 < report.largest < 1e-15
+    assert "rounding, of another processor" in report.lines()[1]
+    report.largest = 1e-6
+    assert "rounding" not in "".join(report.lines())
 
     # a configuration that is missing makes what follows unknown, until the next fresh start
     def forget(message: Any) -> bytes | None:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator import (
+    PARAMETER_NAMES,
     Estimator,
     __version__,
     create_estimator,
@@ -35,6 +36,9 @@ from hc_msgs_py.estimate_fields import estimate_fields
 
 FRESH = (Cause.STARTED, Cause.RESET, Cause.TIME_JUMP)
 DIFFERENCES_KEPT = 10
+SMALLEST = float(np.finfo(np.float64).tiny)
+ROUNDING = 1e-9
+"""Of a parameter: what two orders of the same sums come to, over minutes; another filter does more."""
 
 
 class Difference(NamedTuple):
@@ -54,6 +58,7 @@ class VerificationReport:
         compared: estimates that were recomputed.
         different: how many of them differ in at least one field.
         not_comparable: estimates that could not be recomputed.
+        largest: difference of K, B, n or p, over the value.
         notes: why, one line each, and other versions of the software.
         differences: the first few differing fields.
     """
@@ -61,6 +66,7 @@ class VerificationReport:
     compared: int = 0
     different: int = 0
     not_comparable: int = 0
+    largest: float = 0.0
     notes: list[str] = field(default_factory=list)
     differences: list[Difference] = field(default_factory=list)
 
@@ -72,6 +78,10 @@ class VerificationReport:
     def lines(self) -> list[str]:
         """Return what to tell the user, one line each."""
         lines = [f"{self.compared} estimates recomputed, {self.different} different"]
+        if self.different:
+            lines.append(
+                f"K, B, n and p differ by up to {self.largest:.0e} of their value{_why(self)}"
+            )
         if self.not_comparable:
             lines.append(f"{self.not_comparable} estimates could not be recomputed")
         lines += self.notes
@@ -80,6 +90,11 @@ class VerificationReport:
             for d in self.differences
         ]
         return lines
+
+
+def _why(report: VerificationReport) -> str:
+    rounding = report.largest < ROUNDING
+    return ": rounding, of another processor or version of a library" if rounding else ""
 
 
 class _Segment(NamedTuple):
@@ -307,6 +322,10 @@ def _compare(
         wrong = ~((kept == recomputed) | (np.isnan(kept) & np.isnan(recomputed)))
         wrong_rows = wrong.any(axis=1) if wrong.ndim > 1 else wrong
         differs |= wrong_rows
+        if name in PARAMETER_NAMES and wrong_rows.any():
+            larger = np.maximum(np.maximum(np.abs(kept), np.abs(recomputed)), SMALLEST)
+            apart = np.abs(kept - recomputed) / larger
+            report.largest = max(report.largest, float(np.nanmax(apart, initial=0.0)))
         for row in np.flatnonzero(wrong_rows)[: DIFFERENCES_KEPT - len(report.differences)]:
             place = (row, int(np.argmax(wrong[row]))) if wrong.ndim > 1 else row
             report.differences.append(
