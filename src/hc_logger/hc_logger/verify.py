@@ -38,7 +38,7 @@ FRESH = (Cause.STARTED, Cause.RESET, Cause.TIME_JUMP)
 DIFFERENCES_KEPT = 10
 SMALLEST = float(np.finfo(np.float64).tiny)
 ROUNDING = 1e-9
-"""Of a parameter: what two orders of the same sums come to over minutes; another filter does more."""
+"""Of a parameter: what two orders of sums come to over minutes; another filter does more."""
 
 
 class Difference(NamedTuple):
