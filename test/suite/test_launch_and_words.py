@@ -39,6 +39,7 @@ SOURCES = (
     "hc_bringup/hc_bringup/sensor_effect.py",
     "hc_bringup/hc_bringup/wandering_zero.py",
     "hc_bringup/hc_bringup/vibration.py",
+    "hc_bringup/hc_bringup/yielding.py",
     "hc_bringup/hc_bringup/force_error.py",
     "hc_logger/hc_logger/sensors.py",
     "hc_logger/hc_logger/press_direction.py",
