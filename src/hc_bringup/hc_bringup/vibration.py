@@ -91,7 +91,7 @@ def find_vibration(even: tuple[Array, Array, Array]) -> Vibration | None:
             for column, spread in zip((depth, force), spreads, strict=True)
         ]
     )
-    frequencies = np.fft.rfftfreq(len(time_s), step_s)
+    frequencies = np.asarray(np.fft.rfftfreq(len(time_s), step_s), np.float64)
     found = []
     for index, (name, column) in enumerate(((DISPLACEMENT, depth), (FORCE, force))):
         at = _line(frequencies, spectra[index])
@@ -151,7 +151,7 @@ def _band(column: Array, step_s: float, at: float) -> Array:
     # nothing in the band.
     ramp = np.linspace(column[0], column[-1], len(column))
     spectrum = np.fft.rfft(column - ramp)
-    frequencies = np.fft.rfftfreq(len(column), step_s)
+    frequencies = np.asarray(np.fft.rfftfreq(len(column), step_s), np.float64)
     spectrum[~_between(frequencies, at * (1.0 - BAND), at * (1.0 + BAND))] = 0.0
     return np.fft.irfft(spectrum, len(column))
 
