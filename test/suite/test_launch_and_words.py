@@ -43,6 +43,7 @@ SOURCES = (
     "hc_bringup/hc_bringup/force_error.py",
     "hc_logger/hc_logger/sensors.py",
     "hc_logger/hc_logger/press_direction.py",
+    "hc_logger/hc_logger/cross_talk.py",
     "hc_logger/hc_logger/findings.py",
     "hc_estimator/hc_estimator/ros/zero_setting.py",
     "hc_estimator/hc_estimator/stream/stamp_watch.py",
