@@ -11,6 +11,7 @@ import pytest
 
 from hc_bringup import live
 from hc_bringup.conclusion import conclude
+from hc_bringup.errors import UserError
 from hc_bringup.run_state import RunState
 from hc_bringup.statistics import PARAMETERS, EstimateStatistics
 from hc_bringup.summary import run_summary, run_text, to_json
@@ -39,6 +40,26 @@ def test_gaps_in_the_sequence_are_losses() -> None:
         statistics.add(estimate(sequence))
     assert statistics.estimates == 4
     assert statistics.lost == 2
+
+
+def test_estimates_of_two_estimators_are_said() -> None:
+    """Regression: "121140 estimates of 121140 samples, lost ? (the sequence numbers ...)"."""
+    state = RunState(EstimateStatistics(), 0.0, elapsed_s=1.0)
+    for sequence in range(200):
+        state.statistics.add(estimate(sequence))
+        if sequence >= 100:
+            state.statistics.add(estimate(sequence - 3))
+    assert state.statistics.mixed
+    assert live._lost(state) == "? (estimates of several estimators)"
+    with pytest.raises(UserError, match="another estimator of the name estimator"):
+        conclude(state, ["estimator"], None, as_json=True, with_latency=True)
+
+
+def test_a_replay_that_loops_is_one_estimator() -> None:
+    statistics = EstimateStatistics()
+    for sequence in [*range(1500)] * 3:
+        statistics.add(estimate(sequence))
+    assert not statistics.mixed
 
 
 def test_what_the_display_missed_is_not_lost() -> None:

@@ -22,6 +22,7 @@ from hc_bringup.sensor_effect import named_effect
 from hc_bringup.terminal.numbers import rounded
 from hc_bringup.treated_samples import Estimated, Samples
 from hc_bringup.two_clocks import delay_that_grows
+from hc_bringup.yielding import find_yielding, yielding_taken_off
 from hc_estimator.stream.readings import moves, robust_range
 from hc_estimator.stream.vocabulary import CHANNEL_DELAY
 from hc_evaluation.channels import CLEAR, diagnose_channels, evenly_spaced, unbroken
@@ -64,6 +65,10 @@ def between_channels(
             return [effect]
     if play_mm := find_play((time_s, displacement_mm, force_n), found):
         return [_with_play(samples, before, play_mm)]
+    if mm_per_n := find_yielding((time_s, displacement_mm, force_n), found):
+        stiff, before = yielding_taken_off(samples, before, mm_per_n)
+        if stiff:
+            return stiff
     left_s = found.delay_s - samples.known_delay_s
     if "delay" in faults and abs(left_s) > max(CLEAR_DELAY_S, CLEAR * found.delay_std_s):
         drifts = delay_that_grows(even, _LONGEST, found.delay_s, found.delay_std_s)

@@ -162,7 +162,18 @@ def _why_failed(state: RunState) -> list[str]:
     misfit = statistics.mismatch / max(statistics.estimates, 1)
     wrong = why_unusable((name.partition(" of ")[0] for name in state.suspicions), misfit)
     advice = f"{wrong}: do what stands above them, or see hc doctor" if wrong else ""
-    return [reason for reason in (_why_no_estimate(state), advice) if reason]
+    return [reason for reason in (_why_no_estimate(state), _why_mixed(state), advice) if reason]
+
+
+def _why_mixed(state: RunState) -> str:
+    """Say that another estimator told its estimates on the same topic; empty if none did."""
+    if not state.statistics.mixed:
+        return ""
+    return (
+        f"estimates of another estimator of the name {state.estimator} came among these, and the "
+        "figures are of both: end the other, or give it a namespace (-r __ns:=/left) or a domain "
+        "(ROS_DOMAIN_ID)"
+    )
 
 
 def _why_no_estimate(state: RunState) -> str:

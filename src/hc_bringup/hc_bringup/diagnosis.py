@@ -29,6 +29,7 @@ from hc_bringup.sensor_effect import means_taken_off
 from hc_bringup.sticking import sticking_line
 from hc_bringup.treated_samples import FORCE_LIMIT, Estimated, FloatArray, Samples
 from hc_bringup.two_clocks import clocks_put_together
+from hc_bringup.vibration import vibration_taken_off
 from hc_bringup.wandering_zero import wandering_zero
 from hc_estimator import PARAMETER_NAMES, Rejection
 from hc_estimator.stream.readings import (
@@ -190,6 +191,8 @@ def _judged(
         findings += unlike
         wandering, before = _wandering(samples, before)
         findings += wandering
+        vibrating, before = vibration_taken_off(samples, before)
+        findings += vibrating
     after = before
     if not (spoilt or samples.limits):  # a force that goes no further looks late
         findings += between_channels(samples, before, fits_no_worse=not _moves_with(findings))

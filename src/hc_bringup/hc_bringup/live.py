@@ -310,6 +310,8 @@ def _figure(value: float, form: str) -> str:
 
 def _lost(state: RunState) -> str:
     """Return how many samples have no estimate; what only this display missed is none of them."""
+    if state.statistics.mixed:
+        return "? (estimates of several estimators)"
     if not state.statistics.counts:
         return "? (no counter in the samples)"
     missed = min(state.unseen, state.statistics.lost)

@@ -27,6 +27,7 @@ from hc_logger.errors import BagError
 from hc_logger.events import events_of
 from hc_logger.foreign import open_bag
 from hc_logger.layout import INTEGER, REAL, record_dtype, records, stamps
+from hc_logger.mixed_estimates import are_mixed
 from hc_logger.recorded import only_topic
 from hc_logger.recording import Recording
 from hc_logger.type_names import ESTIMATE_TYPE
@@ -147,7 +148,7 @@ class RunData:
 
 
 def recorded(recording: Recording, tip: TipSource | None = None) -> RunData | None:
-    """Return the run as it was recorded, or None if the recording holds no estimates.
+    """Return the run as it was recorded, or None if the recording holds no estimates of one.
 
     Args:
         recording: the recording.
@@ -162,7 +163,7 @@ def recorded(recording: Recording, tip: TipSource | None = None) -> RunData | No
         table = recording.estimates
     except BagError as error:
         raise UserError(str(error)) from error
-    if not len(table):
+    if not len(table) or are_mixed(table):
         return None
     rows = places_of(stamps(table), table["sequence"], recording.stamps, recording.sequence)
     table, rows = table[rows >= 0], rows[rows >= 0]

@@ -17,6 +17,7 @@ from hc_bringup.run_data import recorded
 from hc_bringup.terminal.ending import ending
 from hc_logger.errors import BagError
 from hc_logger.info import counts
+from hc_logger.mixed_estimates import mixture_in
 from hc_logger.recording import read_recording
 
 
@@ -66,6 +67,9 @@ def _show(console: Console, bag: Path, namespace: str, whose: str) -> str:
             markup=False,
         )
         return ""
+    if data is None and (mixture := mixture_in(recording)):
+        said = f"{whose}no picture of this run: {mixture}"
+        console.print(said, soft_wrap=True, markup=False)
     if data is None or not (data.contact & data.used).any():
         return ""
     console.print()

@@ -13,6 +13,7 @@ from hc_bringup.finding import DISTURBED_SHARE, UNKNOWN, Finding, cost_of, cures
 from hc_bringup.reading_changes import read_alike
 from hc_bringup.treated_samples import Estimated, Samples
 from hc_bringup.two_clocks import doubted_clocks
+from hc_bringup.vibration import find_vibration
 from hc_estimator.stream.readings import Check, Suspicion
 from hc_evaluation.behind_sensor import LOW_PASS, MEAN, MEMORY
 from hc_evaluation.channels import CLEAR, evenly_spaced, unbroken
@@ -72,7 +73,7 @@ def doubted_effect(
     delay_s: float,
     delay_std_s: float,
 ) -> Suspicion | None:
-    """Look for two clocks, and for what a sensor made of a channel.
+    """Look for two clocks, for what a sensor made of a channel, and for a vibration.
 
     Only where the law did not fit, or a delay was found.
 
@@ -96,7 +97,8 @@ def doubted_effect(
         return clocks
     effect = find_effect(*(column[-MOST_ROWS:] for column in even))
     if effect is None:
-        return None
+        vibration = find_vibration(even) if mismatch_share > DISTURBED_SHARE else None
+        return vibration and Suspicion(Check.VIBRATION, vibration.channel, vibration.words)
     check = Check.HYSTERESIS if effect.kind == MEMORY else Check.SMOOTHED
     stiffness = f"{effect_words(effect)}; with it in the law K = {effect.parameters[0]:.3g}"
     return Suspicion(check, effect.channel, f"{stiffness} (hc doctor says the others)")

@@ -38,6 +38,9 @@ LONGEST_COUNTED_GAP = 1_000_000
 _MOST_JUMPS = 0.01
 """Share of the estimates; where more of them jump, the sequence is no counter."""
 
+_SAMPLES_KEPT = 1000
+"""Two estimators tell of one sample within so many."""
+
 
 class _Stamp(NamedTuple):
     sec: int
@@ -75,6 +78,7 @@ class EstimateStatistics:
         lost: samples whose sequence number was skipped.
         restarts: how often the sequence numbers started again (a replay that loops), or jumped.
         since_restart: how many estimates arrived since then.
+        doubled: how many were of a sample of which another one had just come.
         latency: seconds from a sample's stamp to the publication of its estimate, of samples that
             are stamped by this computer's clock.
         foreign_stamps: samples stamped by another clock: further ahead than clocks differ that are
@@ -91,6 +95,7 @@ class EstimateStatistics:
     lost: int = 0
     restarts: int = 0
     since_restart: int = 0
+    doubled: int = 0
     latency: DurationHistogram = field(default_factory=DurationHistogram)
     foreign_stamps: int = 0
     changes: int = 0
@@ -104,6 +109,7 @@ class EstimateStatistics:
     _latest_touch: Any = None  # the last estimate in contact
     _first_contact_s: float = math.nan
     _last_sequence: int = -1
+    _last_samples: dict[tuple[int, float], None] = field(default_factory=dict)
     _force_error_square_sum: float = 0.0
     _aligned_square_sum: float = 0.0
     _aligned_errors: int = 0
@@ -125,6 +131,7 @@ class EstimateStatistics:
                 self.restarts += 1
                 self.since_restart = 0
         self._last_sequence = sequence
+        self._note_sample((sequence, stamp_s))
         self.estimates += 1
         self.since_restart += 1
         self.latest = message
@@ -157,6 +164,21 @@ class EstimateStatistics:
                     self._aligned_square_sum += message.innovation_force * message.innovation_force
                     self._aligned_errors += 1
             self._recent_square_errors.append(square)
+
+    def _note_sample(self, sample: tuple[int, float]) -> None:
+        """Count an estimate of a sample that one of the last estimates was of."""
+        last = self._last_samples
+        if sample in last:
+            self.doubled += 1
+        else:
+            last[sample] = None
+            if len(last) > _SAMPLES_KEPT:
+                del last[next(iter(last))]
+
+    @property
+    def mixed(self) -> bool:
+        """Whether estimates of several estimators came, one among the other."""
+        return not self.counts and self.doubled > _MOST_JUMPS * self.estimates
 
     @property
     def counts(self) -> bool:

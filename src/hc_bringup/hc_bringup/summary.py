@@ -24,7 +24,9 @@ _UNUSABLE = {
     Check.STUCK.value: "a channel does not change",
 }
 """Checks by whose failure the parameters are of no use."""
-_WARNED = {check.value for check in Check} - _UNUSABLE.keys() - {Check.CLOCK.value}
+_BENDS_NOTHING = {Check.CLOCK.value, Check.VIBRATION.value}
+"""Those of stamps, and of what goes up and down around what is felt."""
+_WARNED = {check.value for check in Check} - _UNUSABLE.keys() - _BENDS_NOTHING
 """Those whose failure is a warning as long as the law fits all the same."""
 OPEN_DELAY_S = 0.005
 """Deviation beyond which it cannot be said that there is no delay: B would be wrong by much."""

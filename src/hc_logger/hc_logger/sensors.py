@@ -26,6 +26,7 @@ from hc_estimator.stream.repeats import SHARE, Repeats, channels_held
 from hc_logger.bag import Bag
 from hc_logger.bag_frames import Frame, poses_of, tool_frame
 from hc_logger.bag_sensors import force_topics, joints_of, moving_topics, position_topics
+from hc_logger.cross_talk import cross_talk_line
 from hc_logger.decoder import decoder
 from hc_logger.errors import BagError
 from hc_logger.findings import findings_of
@@ -188,8 +189,10 @@ def read_sensors(
             problems.insert(0, why)
             if len(samples) < _FEW_PAIRS:
                 samples = []
-    if line := off_axis_line(force_topic, vectors, _direction(force), force.sign):
-        problems.append(line)
+    read = _direction(force)
+    line = off_axis_line(force_topic, vectors, read, force.sign)
+    line = line or cross_talk_line(force_topic, vectors, stamps_of[0], samples, read)
+    problems += [line] * bool(line)
     if not samples:
         said = "; ".join([*growing, *problems])
         why = said or "there is no reading of one of them at the time of the other"

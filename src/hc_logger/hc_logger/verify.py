@@ -31,6 +31,7 @@ from hc_estimator.stream.vocabulary import LOADED_STATE, Cause
 from hc_logger.errors import BagError
 from hc_logger.layout import stamps
 from hc_logger.missing_estimates import rows_behind_missing
+from hc_logger.mixed_estimates import mixture_in
 from hc_logger.recorded import RecordedConfiguration, Recording
 from hc_msgs_py.estimate_fields import estimate_fields
 
@@ -113,13 +114,16 @@ def verify(recording: Recording) -> VerificationReport:
         recording: a bag with samples, estimates and configurations.
 
     Raises:
-        BagError: if the recording has no estimates or no configurations.
+        BagError: if the recording has no estimates or no configurations, or those of several
+            estimators, mixed.
     """
     estimates, configurations = recording.estimates, recording.configurations
     if not len(estimates):
         raise BagError(f"{recording.path} has no recorded estimates to verify")
     if not configurations:
         raise BagError(f"{recording.path} has no recorded configurations: nothing says how")
+    if mixture := mixture_in(recording):
+        raise BagError(f"{recording.path} cannot be verified: {mixture}")
     report = VerificationReport()
     versions = sorted({c.software_version for c in configurations} - {__version__})
     if versions:

@@ -36,6 +36,7 @@ def run(arguments: argparse.Namespace) -> int:
     from hc_bringup.run_data import estimated, recorded
     from hc_bringup.standard_input import name_of
     from hc_bringup.unusable import doubts_of, say_unread
+    from hc_logger.mixed_estimates import mixture_in
     from hc_logger.new_file import new_file
 
     target = Path(arguments.output)
@@ -47,6 +48,8 @@ def run(arguments: argparse.Namespace) -> int:
     say_unread(name_of(arguments), recording)
     data = None if estimate.is_asked_for(arguments) else recorded(recording)
     if data is None:
+        if recording.is_bag and (mixture := mixture_in(recording)):
+            print(f"{name_of(arguments)}: estimated anew, for {mixture}", file=sys.stderr)
         data = estimated(recording, estimate.make_estimator(arguments, recording))
     doubts = doubts_of(recording, float(data.settings.get("force_limit", math.inf)))
     doubts += _effect(recording, data, doubts)

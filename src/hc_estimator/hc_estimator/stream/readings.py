@@ -46,6 +46,7 @@ class Check(Enum):
     DAMPING = "damping"
     FRICTION = "friction"
     HYSTERESIS = "hysteresis"
+    VIBRATION = "vibration"
     ZERO_STEP = "zero step"
     FORCE_ZERO = "force zero"
     POSITION_ZERO = "position zero"
