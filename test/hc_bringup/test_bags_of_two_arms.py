@@ -92,7 +92,8 @@ def test_which_of_two_estimators_is_read_is_said(
     assert main(["estimate", str(bag), "--verify"]) == 0
     told = capsys.readouterr()
     assert told.err.splitlines() == [f"{bag}: {said}"]
-    assert "6060 estimates recomputed, 0 different" in told.out
+    count = len(read_recording(EXAMPLE).estimates)
+    assert f"{count} estimates recomputed, 0 different" in told.out
     assert main(["estimate", str(bag), "--verify", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["notes"] == [said]
 
