@@ -38,6 +38,7 @@ SOURCES = (
     "hc_bringup/hc_bringup/sticking.py",
     "hc_bringup/hc_bringup/sensor_effect.py",
     "hc_bringup/hc_bringup/wandering_zero.py",
+    "hc_bringup/hc_bringup/tried_on_law.py",
     "hc_bringup/hc_bringup/vibration.py",
     "hc_bringup/hc_bringup/yielding.py",
     "hc_bringup/hc_bringup/force_error.py",

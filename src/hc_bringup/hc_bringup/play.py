@@ -12,7 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_evaluation.channels import ChannelDiagnosis, diagnose_channels
+from hc_bringup.tried_on_law import explains, least_between, left_by_law
+from hc_evaluation.channels import ChannelDiagnosis
 from hc_evaluation.play import behind_play
 
 Array = NDArray[np.float64]
@@ -41,34 +42,19 @@ def find_play(even: tuple[Array, Array, Array], found: ChannelDiagnosis) -> floa
     looks_late = "delay" in found.clear_faults and found.delay_s > 0.0
     if not looks_late or found.residual_rms_n <= MOST_NOISES * found.noise_n:
         return 0.0
-    from scipy.optimize import minimize_scalar
-
     time_s, position_mm, force_n = even
     every = max(1, len(time_s) // _ROWS)
     stroke_mm = float(np.ptp(position_mm))
 
     def judged(play_mm: float) -> tuple[float, float]:
-        """Return what the law leaves at the force's own stamps [N], and the noise [N]."""
         tips = behind_play(position_mm, play_mm)[::every]
-        try:
-            tried = diagnose_channels(time_s[::every], tips, force_n[::every])
-        except ValueError:  # nothing moves any more
-            return float("inf"), 0.0
-        return tried.residual_rms_without_n, tried.noise_n
+        return left_by_law(time_s[::every], tips, force_n[::every])
 
     widths = np.linspace(0.0, LARGEST_SHARE, _COARSE + 1)[1:] * stroke_mm
     rests = [judged(width)[0] for width in widths]
     best = int(np.argmin(rests))
     low = widths[best - 1] if best else 0.0
     high = widths[min(best + 1, _COARSE - 1)]
-    near = minimize_scalar(
-        lambda width: judged(width)[0],
-        bounds=(low, high),
-        method="bounded",
-        options={"maxiter": _FINE},
-    )
-    play_mm = float(near.x)
-    rest_n, noise_n = judged(play_mm)
-    here, with_faults = (max(n**2 - noise_n**2, 0.0) for n in (rest_n, found.residual_rms_n))
-    explains = rest_n < MOST_NOISES * noise_n and LEAST_GAIN * here < with_faults
-    return play_mm if explains and play_mm > LEAST_SHARE * stroke_mm else 0.0
+    play_mm = least_between(lambda width: judged(width)[0], low, high, _FINE)
+    is_one = explains(judged(play_mm), found, MOST_NOISES, LEAST_GAIN)
+    return play_mm if is_one and play_mm > LEAST_SHARE * stroke_mm else 0.0

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from hc_bringup.finding import Finding, cost_of, cures
 from hc_bringup.robot_mechanics import COMPLIANCE
 from hc_bringup.treated_samples import Estimated, Samples
+from hc_bringup.tried_on_law import explains, least_between, left_by_law
 from hc_estimator.stream.frame_compliance import FrameCompliance
-from hc_evaluation.channels import ChannelDiagnosis, diagnose_channels
+from hc_evaluation.channels import ChannelDiagnosis
 
 Array = NDArray[np.float64]
 
@@ -46,19 +47,12 @@ def find_yielding(even: tuple[Array, Array, Array], found: ChannelDiagnosis) -> 
     """
     if found.residual_rms_n <= LEAST_NOISES * found.noise_n:
         return 0.0
-    from scipy.optimize import minimize_scalar
-
     few = tuple(column[:: max(1, len(even[0]) // _ROWS)] for column in even)
     softest = float(np.ptp(even[1]) / np.ptp(even[2]))  # mm/N: nothing but the structure moves
 
     def judged(share: float, readings: tuple[Array, ...]) -> tuple[float, float]:
-        """Return what the law leaves at the force's own stamps [N], and the noise [N]."""
         time_s, position_mm, force_n = readings
-        try:
-            tried = diagnose_channels(time_s, position_mm - share * softest * force_n, force_n)
-        except ValueError:  # nothing moves any more
-            return float("inf"), 0.0
-        return tried.residual_rms_without_n, tried.noise_n
+        return left_by_law(time_s, position_mm - share * softest * force_n, force_n)
 
     # The nearer to the compliance, the less is left: mostly the first says that it is none.
     shares, best, least = np.linspace(0.0, LARGEST_SHARE, _COARSE + 1), 0, judged(0.0, few)[0]
@@ -66,17 +60,10 @@ def find_yielding(even: tuple[Array, Array, Array], found: ChannelDiagnosis) -> 
         best, least = best + 1, rest
     if not best:
         return 0.0
-    near = minimize_scalar(
-        lambda share: judged(share, even)[0],
-        bounds=(shares[best - 1], shares[min(best + 1, _COARSE)]),
-        method="bounded",
-        options={"maxiter": _FINE},
-    )
-    share = float(near.x)
-    rest_n, noise_n = judged(share, even)
-    here, with_faults = (max(n**2 - noise_n**2, 0.0) for n in (rest_n, found.residual_rms_n))
-    explains = rest_n < MOST_NOISES * noise_n and LEAST_GAIN * here < with_faults
-    return share * softest if explains and share > LEAST_SHARE else 0.0
+    low, high = shares[best - 1], shares[min(best + 1, _COARSE)]
+    share = least_between(lambda share: judged(share, even)[0], low, high, _FINE)
+    is_one = explains(judged(share, even), found, MOST_NOISES, LEAST_GAIN)
+    return share * softest if is_one and share > LEAST_SHARE else 0.0
 
 
 def yielding_taken_off(

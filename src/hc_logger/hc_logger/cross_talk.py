@@ -116,15 +116,15 @@ def find_cross_talk(
     across = forces @ axes.T
     motion = _powers(times, depth, along, max(3, round(SMOOTH_S / step_s)))
     half = len(rows) // 2
-    whole, early, late = (
-        _explained(motion[part], across[part], along[part])
-        for part in (slice(None), slice(half), slice(half, None))
-    )
-    shares, left = whole
+    shares, left = _fitted(motion, across, along)
     share = float(np.linalg.norm(shares))
-    apart = max(float(np.linalg.norm(one - shares)) for one, _left in (early, late))
-    if left > LEAST_GAIN or not LEAST < share < LARGEST or apart > ALIKE * share:
+    without = _fitted(motion, across[:, :0], along)[1]
+    if left > LEAST_GAIN * without or not LEAST < share < LARGEST:
         return None
+    for part in (slice(half), slice(half, None)):
+        of_part, _left = _fitted(motion[part], across[part], along[part])
+        if float(np.linalg.norm(of_part - shares)) > ALIKE * share:
+            return None
     low, high = np.quantile(across @ shares, (0.01, 0.99))
     direction = read - shares @ axes
     return CrossTalk(share, direction / np.linalg.norm(direction), 0.5 * float(high - low))
@@ -154,12 +154,10 @@ def _powers(times: Array, depth: Array, along: Array, width: int) -> Array:
     return np.column_stack([np.ones(len(times)), hinges, hinges**2, hinges * speed[:, None], speed])
 
 
-def _explained(motion: Array, across: Array, along: Array) -> tuple[Array, float]:
-    """Return how much of the forces across shows, and what is left of the variance with them."""
+def _fitted(motion: Array, across: Array, along: Array) -> tuple[Array, float]:
+    """Return how much of the forces across shows along the press, and the variance left [N^2]."""
     columns = np.column_stack([motion, across])
     fitted = np.linalg.lstsq(columns, along, rcond=1e-9)[0]
-    without = np.linalg.lstsq(motion, along, rcond=1e-9)[0]
-    left = float(np.var(along - columns @ fitted))
-    return np.asarray(fitted[motion.shape[1] :], np.float64), left / max(
-        float(np.var(along - motion @ without)), 1e-300
+    return np.asarray(fitted[motion.shape[1] :], np.float64), float(
+        np.var(along - columns @ fitted)
     )

@@ -191,8 +191,8 @@ def read_sensors(
                 samples = []
     read = _direction(force)
     line = off_axis_line(force_topic, vectors, read, force.sign)
-    line = line or cross_talk_line(force_topic, vectors, stamps_of[0], samples, read)
-    problems += [line] * bool(line)
+    if line := line or cross_talk_line(force_topic, vectors, stamps_of[0], samples, read):
+        problems.append(line)
     if not samples:
         said = "; ".join([*growing, *problems])
         why = said or "there is no reading of one of them at the time of the other"

@@ -80,9 +80,10 @@ class VerificationReport:
         """Return what to tell the user, one line each."""
         lines = [f"{self.compared} estimates recomputed, {self.different} different"]
         if self.different:
-            lines.append(
-                f"K, B, n and p differ by up to {self.largest:.0e} of their value{_why(self)}"
-            )
+            line = f"K, B, n and p differ by up to {self.largest:.0e} of their value"
+            if self.largest < ROUNDING:
+                line += ": rounding, of another processor or version of a library"
+            lines.append(line)
         if self.not_comparable:
             lines.append(f"{self.not_comparable} estimates could not be recomputed")
         lines += self.notes
@@ -91,11 +92,6 @@ class VerificationReport:
             for d in self.differences
         ]
         return lines
-
-
-def _why(report: VerificationReport) -> str:
-    rounding = report.largest < ROUNDING
-    return ": rounding, of another processor or version of a library" if rounding else ""
 
 
 class _Segment(NamedTuple):
